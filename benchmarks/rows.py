@@ -17,7 +17,7 @@ def of_bench(name: str, command: str) -> Labels:
 def of_sealed(part: str | None, command: str) -> Labels:
     """Of a part of the sealed benchmark; its command says how many cases there are."""
     from auv_torchrl.effects import EFFECTS
-    from benchmarks.blind import cases, damages, faults, outside, score, score_sensors, score_strangers, strangers
+    from benchmarks.blind import cases, damages, outside, score, score_sensors, score_strangers, sensor_sets, strangers
 
     found = re.search(r"cases=(\d+)", command)
     count = int(found[1]) if found else 0
@@ -32,7 +32,7 @@ def of_sealed(part: str | None, command: str) -> Labels:
         labels += [str(number) for number in range(1, max(1, round(count / strangers.CASES_PER_STRANGER)) + 1)]
     else:
         targets = score_sensors.set_numbers([], part)
-        labels += [*faults.FAULTS, score_sensors.NOTHING]
+        labels += [*sensor_sets.FAULTS, score_sensors.NOTHING]
     return _one([*labels, *(row[0] for row in targets.rows)])
 
 
@@ -56,9 +56,9 @@ def of_owners(command: str) -> Labels:
 
 def of_without(command: str) -> Labels:
     """Of the diagnosis without one of its parts."""
-    from benchmarks.blind.without import PARTS
+    from benchmarks.blind.without import DELETED, PARTS
 
-    return _one(PARTS)
+    return _one([*PARTS, *DELETED])
 
 
 def of_dives(command: str) -> Labels:

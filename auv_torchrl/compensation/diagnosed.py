@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_torchrl.diagnosis.scenario_file import ranges_of, scenario_of
-from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect
-from auv_torchrl.diagnosis.verdict_file import from_json
+from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, from_json
 from auv_torchrl.effects import get_effect
 from auv_torchrl.quantities import counted
 from auv_torchrl.scenario import Scenario, read_scenario

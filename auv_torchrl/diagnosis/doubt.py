@@ -54,7 +54,7 @@ def doubted_alternatives(
     return tuple(sorted(kept, key=lambda one: -one.probability))
 
 
-def said_first(summary: str, verdict: Verdict, doubted: Sequence[Finding]) -> str:
+def behind_doubts(summary: str, verdict: Verdict, doubted: Sequence[Finding]) -> str:
     """The summary behind what makes it doubtful."""
     if not doubted or verdict is Verdict.NO_GAP:
         return summary

@@ -31,7 +31,9 @@ def answer(config: DictConfig, run: Run) -> None:
             kept=request.kept,
         )
     folder = run.folder
-    log.info("\n%s\n", summary_table(diagnosis, request.said))  # before the files, so that a full disk does not keep it
+    log.info(
+        "\n%s\n", summary_table(diagnosis, request.printed)
+    )  # before the files, so that a full disk does not keep it
     if config.explain:
         log.info("%s\n", decision_table(diagnosis))
     written = write_files(diagnosis, request.vehicle, folder, replace=True)  # of an unfinished run; others are refused

@@ -3,25 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate_draft, calibrate_free, draft
-from auv_torchrl.diagnosis.calibrate.correction import measure_own_floor
-from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
-from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
-from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
-from auv_torchrl.diagnosis.identify.attitude import (
+from auv_torchrl.diagnosis.axes import (
     attitude_finding,
     hold_attitude,
     is_hidden,
     level_enough,
 )
+from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate_draft, calibrate_free, draft
+from auv_torchrl.diagnosis.calibrate.correction import measure_own_floor
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
+from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
+from auv_torchrl.diagnosis.identify.before_effects import Onset, find_onset, follow_agreeing, is_absent
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
-from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.onset import Onset, find_onset, is_absent
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
-from auv_torchrl.diagnosis.identify.search import Progress, search
+from auv_torchrl.diagnosis.identify.search import Found, Progress, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict

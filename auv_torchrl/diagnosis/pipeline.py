@@ -12,35 +12,43 @@ from auv_torchrl.diagnosis.calibrate.flights import floor_findings
 from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
-from auv_torchrl.diagnosis.configured import configured, said_too
-from auv_torchrl.diagnosis.decision import decide
+from auv_torchrl.diagnosis.decision import cannot_tell, decide, found_effects
 from auv_torchrl.diagnosis.doubt import (
     BELIEVED,
+    behind_doubts,
     bounded,
     closes_everywhere,
     doubted_alternatives,
     doubts,
     hedged,
     limited,
-    said_first,
     unless_shared,
 )
+from auv_torchrl.diagnosis.findings import (
+    configured,
+    noise_finding,
+    outlier_findings,
+    quiet_findings,
+    volts_findings,
+    with_configuration,
+)
 from auv_torchrl.diagnosis.headline import FILE_OFF, headline_of
-from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_members, with_more_flights
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
-from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
-from auv_torchrl.diagnosis.identify.posterior import alternatives, effect_probabilities
-from auv_torchrl.diagnosis.identify.search import Progress
+from auv_torchrl.diagnosis.identify.posterior import (
+    alternatives,
+    detectable_sizes,
+    effect_probabilities,
+    hidden_members,
+    with_more_flights,
+)
+from auv_torchrl.diagnosis.identify.search import Found, Progress
 from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, spread, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.localize.moments import is_changing, unless_changing
 from auv_torchrl.diagnosis.log_search import LogSearch, is_explained, judge, search_both_attitudes
-from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
-from auv_torchrl.diagnosis.noise import noise_finding, outlier_findings, quiet_findings
-from auv_torchrl.diagnosis.overview import Overview
 from auv_torchrl.diagnosis.summary import summarise
 from auv_torchrl.diagnosis.unanswered.both_readings import weigh_readings
 from auv_torchrl.diagnosis.validate.confirm import confirm, is_possible, not_confirmed
@@ -53,10 +61,16 @@ from auv_torchrl.diagnosis.validate.predict import (
     unforeseen,
     widened,
 )
-from auv_torchrl.diagnosis.validate.refute import take_back
-from auv_torchrl.diagnosis.validate.veto import calibration_vetoed, falls_short, only, shortfalls, vetoes, worse
-from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Verdict
-from auv_torchrl.diagnosis.volts import volts_findings
+from auv_torchrl.diagnosis.validate.veto import (
+    calibration_vetoed,
+    falls_short,
+    only,
+    shortfalls,
+    take_back,
+    vetoes,
+    worse,
+)
+from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Overview, Verdict
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.text import printable
@@ -180,7 +194,7 @@ def diagnose_answering(
         log=printable(log.name),
         vehicle=printable(vehicle_name),
         verdict=verdict,
-        summary=said_too(said_first(summary, verdict, doubted), findings, effects),
+        summary=with_configuration(behind_doubts(summary, verdict, doubted), findings, effects),
         where=where,
         effects=effects,
         candidates=tuple(EffectProbability(name, p) for name, p in probability.items()),

@@ -37,7 +37,7 @@ def summarise(
         said = SOUND if within_floor(gap) else SLACK
         return said.replace(":", f" in {', '.join(examined)}:", 1) if examined else said
     named, perhaps = (
-        "; ".join(effect.told for effect in effects if not effect.calibrates and effect.is_likely is likely)
+        "; ".join(effect.clause for effect in effects if not effect.calibrates and effect.is_likely is likely)
         for likely in (True, False)
     )
     corrections = [effect for effect in effects if effect.calibrates]

@@ -49,7 +49,7 @@ NOTICED_TURN = 0.05  # rad/s, likewise
 # make 0.35, the wake on the frame 0.2 for each by itself.
 SHARED_BY_THRUSTERS = 0.75
 DIFFER_BY = 0.15  # of the mean of the others, standard deviation: by what sound thrusters of one vehicle differ
-FEWEST_ALIKE = 3  # members of a family of which one can be told from the others
+FEWEST_OF_FAMILY = 3  # members of a family of which one can stand out from the others
 # Chi-square per number that half of the windows of healthy flights leave where these are fitted as one: trims of 0.5 N
 # and currents of 5 cm/s that differ make 2 to 8, files that are wrong by 30 % make 30 to 200.
 BEYOND_TRIM = 10.0
@@ -94,8 +94,8 @@ SETTLING = 2  # steps of the free numbers where windows begin; a small change of
 HEIRS = 3  # rounds in which starts are handed on from window to window
 
 # Sensors that contradict each other
-LOOKED_AT = 5  # windows: contradicting sensors do so all the time
-AGREES_ALIKE = 1.25  # times the least misfit: as far off as values between those of a scan are, near the right one
+TRIED_WINDOWS = 5  # windows: contradicting sensors do so all the time
+AGREES_AS_WELL = 1.25  # times the least misfit: as far off as values between those of a scan are, near the right one
 AGREES_BETTER = 0.7  # of the misfit of the vehicle as it is, that a change must get below
 
 # Roll and pitch

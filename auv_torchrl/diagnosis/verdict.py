@@ -1,22 +1,62 @@
-"""What a diagnosis says: the content of ``diagnosis.json``, and the trajectories beside it.
+"""What a diagnosis says: the content of ``diagnosis.json`` (version 1), and the trajectories beside it.
 
 A field that is None could not be told from the log. Shares are of the gap, in [0, 1].
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
-from auv_torchrl.diagnosis.overview import Overview
-from auv_torchrl.diagnosis.plain import NULL
+from auv_torchrl.diagnosis.plain import NULL, from_plain, plain
 from auv_torchrl.diagnosis.thresholds import LIKELY, SURE
 from auv_torchrl.effects.advice import Advice
-from auv_torchrl.flightlog import Finding
+from auv_torchrl.flightlog import POSE, Finding, FlightLog
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.quantities import words
 from auv_torchrl.sysid.trace import Outcome
+
+MOST_SAMPLES = 600  # about one for each two points of a page that is 1,100 wide
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Curves of a log, its episodes one behind the other as ``Where.onset_s`` counts them."""
+
+    t: Floats  # (T,) s into the log
+    begins: tuple[float, ...]  # s, where episodes begin
+    episodes: tuple[int, ...]  # their numbers
+    depth: Floats  # (T,) m, of NaN where not measured
+    heading: Floats  # (T,) rad, likewise
+    commands: Floats  # (T, n)
+    volts: Floats  # (T,) V, likewise
+
+    @staticmethod
+    def of(log: FlightLog) -> "Overview":
+        """The overview of a log: every k-th sample."""
+        lengths = np.array([float(episode.t[-1]) for episode in log.episodes])
+        begins = np.concatenate(([0.0], np.cumsum(lengths)[:-1]))
+        t = np.concatenate([begin + episode.t for begin, episode in zip(begins, log.episodes, strict=True)])
+        rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), MOST_SAMPLES)).astype(int))
+        pose = np.concatenate([episode.pose for episode in log.episodes])[rows]
+        volts = [np.full(len(e), np.nan) if e.battery is None else e.battery for e in log.episodes]
+        return Overview(
+            t=t[rows],
+            begins=tuple(begins.tolist()),
+            episodes=tuple(episode.number for episode in log.episodes),
+            depth=pose[:, POSE.index("z")],
+            heading=pose[:, POSE.index("yaw")],
+            commands=np.concatenate([episode.commands for episode in log.episodes])[rows],
+            volts=np.concatenate(volts)[rows],
+        )
+
+    def at(self, episode: int, t: float) -> float:
+        """Seconds into the log of a time in an episode."""
+        return self.begins[self.episodes.index(episode)] + t
+
 
 FLOOR_ASSUMED = "floor_assumed"  # code of the finding that no flight showed the disturbance of the sound vehicle
 NOT_SHOWN = "would leave no mark on this log"  # of an effect, in Diagnosis.cannot_tell
@@ -124,7 +164,7 @@ class FoundEffect:
         return not all(estimate.is_nominal for estimate in self.parameters.values())
 
     @property
-    def told(self) -> str:
+    def clause(self) -> str:
         """Its sentence, as sure as it is."""
         return how_sure(self.sentence.rstrip("."), self.probability)
 
@@ -302,3 +342,23 @@ class Diagnosis:
     alternatives: tuple[Alternative, ...] = ()  # what may be, likeliest first; their probabilities add up to 1
     windows: tuple[Window, ...] = field(default=(), compare=False)  # not in diagnosis.json but in predictions.parquet
     overview: Overview | None = field(default=None, compare=False)  # of the log; not in the file
+
+
+VERSION = 1
+
+
+def to_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The content of ``diagnosis.json``, of plain types alone."""
+    return {"version": VERSION, **plain(diagnosis)}
+
+
+def from_json(content: Mapping[str, Any]) -> Diagnosis:
+    """The diagnosis that :func:`to_json` wrote, without its trajectories.
+
+    Raises:
+        KeyError: for an entry that is missing or unknown.
+        ValueError: for another version, or an entry that holds something else, naming it and what is wanted.
+    """
+    if content.get("version") != VERSION:
+        raise ValueError(f"diagnosis of version {content.get('version')!r}: this program reads version {VERSION}")
+    return from_plain(Diagnosis, {name: entry for name, entry in content.items() if name != "version"})

@@ -7,12 +7,11 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from auv_torchrl.diagnosis.axes import followable
+from auv_torchrl.diagnosis.axes import followable, hold_attitude, is_hidden
 from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate, calibrate_free
 from auv_torchrl.diagnosis.calibrate.flights import FlightInformation
 from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
-from auv_torchrl.diagnosis.identify.attitude import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.evidence import plausible_range
-from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings
+from auv_torchrl.diagnosis.identify.explanation import plausible_range
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings, declared
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ELASTIC_WIDTH, FIXED_WIDTH
 from auv_torchrl.effects import EFFECTS

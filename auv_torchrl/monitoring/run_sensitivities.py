@@ -6,8 +6,7 @@ from itertools import groupby
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings, Values, batch, make_candidates
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings, Values, batch, declared, make_candidates
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import VELOCITY

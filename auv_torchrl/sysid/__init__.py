@@ -13,17 +13,16 @@
    indistinguishable, and what the winner leaves tells whether something unknown acts (``posterior``).
 
 The engine knows no vehicle and no flight log: a :class:`Model` is any simulator (``model``). Read the modules in this
-order: model, windows, path, linear, smooth, prior, fit, trace, search, select, posterior, identify.
+order: model, windows, path, linear, smooth, prior, fit, trace, search, select, posterior.
 ``bounded`` has the bounded minima that the diagnosis of vehicles uses.
 """
 
 from auv_torchrl.sysid.fit import Fit
-from auv_torchrl.sysid.identify import identify
 from auv_torchrl.sysid.model import Channel, Model, Parameter, StepModel
 from auv_torchrl.sysid.path import Problem
 from auv_torchrl.sysid.posterior import Interval, chance, indistinguishable, intervals, is_explained, probabilities
 from auv_torchrl.sysid.prior import Candidate, Hypothesis, Prior
-from auv_torchrl.sysid.select import Selection, select
+from auv_torchrl.sysid.select import Selection, identify, select
 from auv_torchrl.sysid.smooth import Smoothing, smooth
 from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
 from auv_torchrl.sysid.windows import Disturbance, Noise, Windows, cut

@@ -101,8 +101,8 @@ def fit(problem: Problem, prior: Prior, values: Floats, begin: Path) -> Fit:
         linear, columns, quadratic = _weighed(problem, prior, path, precision)
         if gained < SETTLED:
             break
-    told, volume = _free_numbers(problem, linear, precision)
-    numbers = problem.windows.numbers - told
+    determined, volume = _free_numbers(problem, linear, precision)
+    numbers = problem.windows.numbers - determined
     return Fit(prior, path.values, cost, quadratic.A + prior.precision, linear, numbers, volume)
 
 
@@ -156,8 +156,8 @@ def _free_numbers(problem: Problem, linear: Linearised, precision: Floats) -> tu
     gram = linear.slope.swapaxes(1, 2) @ linear.slope + precision
     gram = gram[np.isfinite(gram).all((1, 2))]
     left, place = np.linalg.inv(gram), np.arange(problem.states)
-    told = float((1.0 - left[:, place, place] * precision[place, place]).sum())
-    return told, float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
+    determined = float((1.0 - left[:, place, place] * precision[place, place]).sum())
+    return determined, float((np.linalg.slogdet(gram)[1] - np.linalg.slogdet(precision)[1]).sum())
 
 
 def _within(prior: Prior, values: Floats) -> Floats:

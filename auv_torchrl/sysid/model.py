@@ -127,7 +127,7 @@ class Model(ABC):
 
 
 class StepModel(Model):
-    """A simulator that is told by one step of it."""
+    """A simulator that is given by one step of it."""
 
     @abstractmethod
     def step(self, values: Floats, states: Floats, inputs: Floats, force: Floats) -> Floats:

@@ -28,8 +28,8 @@ class Interval:
         return min(self.value - self.parameter.low, self.parameter.high - self.value) <= edge
 
     @property
-    def told(self) -> bool:
-        """Whether the log tells the value: its interval is narrower than half of the prior's."""
+    def is_determined(self) -> bool:
+        """Whether the log determines the value: its interval is narrower than half of the prior's."""
         return self.high - self.low < Z95 * self.parameter.changed_width
 
     def __str__(self) -> str:
@@ -38,9 +38,9 @@ class Interval:
 
 
 def weights(trace: SearchTrace, tempering: float = 1.0) -> dict[tuple[str, ...], float]:
-    """Posterior probability of each hypothesis that was looked at; they add up to 1.
+    """Posterior probability of each hypothesis that was tried; they add up to 1.
 
-    Hypotheses that were not simulated count by their linear prediction. A hypothesis that was looked at from several
+    Hypotheses that were not simulated count by their linear prediction. A hypothesis that was tried from several
     values counts once, by the best. ``tempering`` is of the log posterior; 1 where noise and model are exact.
     """
     best = trace.best_of_each
@@ -50,7 +50,7 @@ def weights(trace: SearchTrace, tempering: float = 1.0) -> dict[tuple[str, ...],
 
 
 def probabilities(trace: SearchTrace, tempering: float = 1.0, nothing: str | None = None) -> dict[str, float]:
-    """Posterior probability of each candidate that was looked at: the sum over the hypotheses that hold it.
+    """Posterior probability of each candidate that was tried: the sum over the hypotheses that hold it.
 
     Args:
         trace: of a search.

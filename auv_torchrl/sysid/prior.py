@@ -2,7 +2,7 @@
 
 A hypothesis is a set of candidates. In each of them the nuisance parameters have the narrow prior of their tolerance,
 the parameters that a candidate frees the wide prior of a changed value, and all others stand at their nominal value. So
-"nothing is wrong" and "the gain is another" differ in one standard deviation, and are fitted alike.
+"nothing is wrong" and "the gain is another" differ in one standard deviation, and are fitted in the same way.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,7 @@
-"""Which changes of a model a log asks for: forward selection and backward elimination, by linear prediction and fit."""
+"""Which changes of a model a log asks for: forward selection and backward elimination, by linear prediction and fit.
+
+:func:`identify` is the whole way, from records of a system to the changes of its model.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,12 +10,13 @@ import numpy as np
 
 from auv_torchrl.sysid.fit import PROBE, Fit, fit, least_quadratic, parameter_columns
 from auv_torchrl.sysid.linear import Linearised, reduced_quadratic, sensitivities
-from auv_torchrl.sysid.model import Floats
+from auv_torchrl.sysid.model import Floats, Model
 from auv_torchrl.sysid.path import Path, Problem
 from auv_torchrl.sysid.prior import Candidate, Hypothesis, Prior, log_prior
 from auv_torchrl.sysid.search import Proposal, Search, Way
-from auv_torchrl.sysid.smooth import follow
+from auv_torchrl.sysid.smooth import follow, smooth
 from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
+from auv_torchrl.sysid.windows import Disturbance, Windows
 
 FITTED_EACH_ROUND = 4  # candidates that are simulated in a round of forward selection, the best by linear prediction
 DOUBTED = 1.0  # log units by which the linear prediction of a small change may be too low,
@@ -239,3 +243,43 @@ def _promise(prior: Prior, begin: Floats, constant: float, b: Floats, A: Floats)
     values[at] += step * prior.widths[at]
     chi2 = float(constant - 2 * b @ step + step @ A @ step) + prior.cost(values)
     return values, prior.log_evidence(chi2, curvature), chi2
+
+
+NOISE_MATTERS = 0.1  # relative change of the noise of a channel from which hypotheses are weighed again
+
+
+def identify(
+    model: Model,
+    windows: Windows,
+    disturbance: Disturbance,
+    candidates: Sequence[Candidate],
+    prior: Prior | None = None,
+    known_noise: bool = False,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Selection:
+    """Find which candidates a log asks for.
+
+    Noise is measured under the nominal model, and again under the best one: a model that is far off leaves some of its
+    error in the noise. Where that changes the noise, the search goes on under the new one.
+
+    Args:
+        model: the simulator.
+        windows: of the log.
+        disturbance: force that may act on the sound system.
+        candidates: changes to try.
+        prior: of the nuisance parameters; by default independent, with their tolerances.
+        known_noise: whether the noise of the windows stands.
+        progress: called with each step in words.
+    """
+    progress("smoothing")
+    problem = smooth(Problem.of(model, windows, disturbance), model.nominal, known_noise).problem
+    selection = select(problem, candidates, prior, progress=progress)
+    best = selection.best
+    if not best.names:
+        return selection
+    progress("smoothing again")
+    again = smooth(Problem.of(model, windows, disturbance, best.values), best.values, known_noise).problem
+    before, after = problem.windows.noise.white, again.windows.noise.white
+    if (abs(after / before - 1) > NOISE_MATTERS).any():
+        return select(again, candidates, prior, best, progress)
+    return selection

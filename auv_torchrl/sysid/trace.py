@@ -1,4 +1,4 @@
-"""The trace of a search: every hypothesis that was looked at, what it is worth, and what became of it."""
+"""The trace of a search: every hypothesis that was tried, what it is worth, and what became of it."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -23,7 +23,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Record:
-    """A hypothesis that was looked at."""
+    """A hypothesis that was tried."""
 
     names: tuple[str, ...]  # of the changes in it
     values: dict[str, float]  # of the parameters that they set
@@ -51,7 +51,7 @@ class Record:
 
 @dataclass(frozen=True)
 class SearchTrace:
-    """Every hypothesis that was looked at, in order."""
+    """Every hypothesis that was tried, in order."""
 
     records: tuple[Record, ...]
 
@@ -69,7 +69,7 @@ class SearchTrace:
 
     @property
     def best_of_each(self) -> dict[tuple[str, ...], float]:
-        """The highest log posterior by hypothesis; one that was looked at from several values counts once.
+        """The highest log posterior by hypothesis; one that was tried from several values counts once.
 
         A hypothesis that held-out flight refuted does not count.
         """
@@ -115,7 +115,7 @@ class SearchTrace:
         """
         having = [record for record in self.records if name in record.names]
         if not having:
-            raise KeyError(f"no change {name!r} was looked at")
+            raise KeyError(f"no change {name!r} was tried")
         best = self.best
         if name in best.names:
             without = [record for record in self.records if record.simulated and name not in record.names]

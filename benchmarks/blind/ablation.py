@@ -108,7 +108,7 @@ def moved_by(cases: Sequence[Case], name: str, changed: Changed, label: str) -> 
 
 def difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:
     """What another answer says otherwise: verdict, names, or values by more than half of what they are unsure by."""
-    was, now = _said(before), _said(after)
+    was, now = _answer(before), _answer(after)
     if was != now:
         return f"{was} -> {now}"
     if "diagnosis" not in before:
@@ -122,7 +122,7 @@ def difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> str | Non
     return None
 
 
-def _said(answer: Mapping[str, Any]) -> str:
+def _answer(answer: Mapping[str, Any]) -> str:
     if "diagnosis" not in answer:
         return "refused" if "refused" in answer else "error"
     verdict, effects = answer["diagnosis"]["verdict"], answer["diagnosis"]["effects"]
@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument("--factor", type=float, default=FACTOR, help=f"that thresholds are changed by ({FACTOR:g})")
     parser.add_argument("--off", action="store_true", help="switch parts off instead")
     parser.add_argument("--together", action="store_true", help="change all of them at once")
-    parser.add_argument("--only", nargs="*", metavar="NAME", help="of thresholds; all, where none is said")
+    parser.add_argument("--only", nargs="*", metavar="NAME", help="of thresholds; all, where none is given")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes of one thread each")
     asked = parser.parse_args()
     label = "off" if asked.off else f"{asked.factor:g}"

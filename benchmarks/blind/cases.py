@@ -9,10 +9,9 @@ import numpy as np
 
 from auv_torchrl.settings import choices
 from benchmarks.blind.damages import DAMAGES, FAULTS, POSES, can_show
-from benchmarks.blind.faults import FAULTS as SET_FAULTS
-from benchmarks.blind.faults import LOAD, THRUSTER, UNSEEN
 from benchmarks.blind.outside import OUTSIDE
-from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.blind.sensor_sets import FAULTS as SET_FAULTS
+from benchmarks.blind.sensor_sets import LOAD, THRUSTER, UNSEEN, sensor_set
 from benchmarks.blind.sizes import CLEAR
 
 SLACK = 0.03  # standard deviation of the factors on gains, drags and inertias of a vehicle that is not quite nominal

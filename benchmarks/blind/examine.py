@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.diagnosis.verdict import to_json
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.parallel import each
 from auv_torchrl.vehicle import load_vehicle

@@ -12,18 +12,16 @@ from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.autopilots import Autopilots
 from benchmarks.blind.cases import Case
-from benchmarks.blind.faults import draw_fault
 from benchmarks.blind.foreign import ForeignPlant
 from benchmarks.blind.foreign_heavy import ForeignHeavy
 from benchmarks.blind.influence import CLEAR_AT, influence
 from benchmarks.blind.logged import Flight, flight_log, measured_acceleration, measured_velocity, noise_of
 from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
 from benchmarks.blind.outside import OUTSIDE, Outside
-from benchmarks.blind.pilots import Pilots
+from benchmarks.blind.pilots import Autopilots, Pilots
 from benchmarks.blind.plant import Influences, Motion, Plant, Reported, Slack
-from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.blind.sensor_sets import draw_fault, sensor_set
 from benchmarks.blind.sizes import draw_failures, draw_values
 from benchmarks.blind.strangers import Changes, draw_flight, draw_stranger, with_changes
 

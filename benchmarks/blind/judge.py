@@ -63,7 +63,7 @@ class Judgement:
     score: str = Score.WRONG.name.lower()  # by the rule of benchmarks.scoring
 
     @property
-    def said(self) -> str:
+    def answered(self) -> str:
         """All that is named, or the verdict."""
         return " + ".join(self.named) or self.verdict
 
@@ -163,9 +163,9 @@ def _unseen(diagnosis: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(s.removesuffix(NO_MARK) for s in diagnosis.get("cannot_tell", ()) if s.endswith(NO_MARK))
 
 
-def _onset_error(true: float | None, said: float | None) -> float | None:
+def _onset_error(true: float | None, found: float | None) -> float | None:
     """Seconds between them; None where one of them is no onset."""
-    return None if true is None or said is None else abs(said - true)
+    return None if true is None or found is None else abs(found - true)
 
 
 def _sizes(detectable: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
@@ -222,8 +222,8 @@ def _parameters(
             true = {k: values.get(k, nominal[k]) for k in members}
             size = math.hypot(*(true[k] - nominal[k] for k in members))
             if size > 0:
-                said = {k: answer[k]["value"] if k in answer else nominal[k] for k in members}
-                errors[f"{effect} [{unit}]"] = math.hypot(*(said[k] - true[k] for k in members)) / size
-            told = {(answer[k]["low"], answer[k]["high"], true[k]): k for k in reversed(members) if k in answer}
-            covered |= {f"{effect}.{k}": low <= value <= high for (low, high, value), k in told.items()}
+                answered = {k: answer[k]["value"] if k in answer else nominal[k] for k in members}
+                errors[f"{effect} [{unit}]"] = math.hypot(*(answered[k] - true[k] for k in members)) / size
+            intervals = {(answer[k]["low"], answer[k]["high"], true[k]): k for k in reversed(members) if k in answer}
+            covered |= {f"{effect}.{k}": low <= value <= high for (low, high, value), k in intervals.items()}
     return errors, covered

@@ -8,7 +8,7 @@ from auv_torchrl.vehicle import Vehicle
 from benchmarks import scoring
 from benchmarks.blind.thrusters import declared_groups, same_class, split_entry, thrusters_right
 
-SAID = {  # in the sentence with which a log is refused, by what would be the code of a finding
+REFUSALS = {  # in the sentence with which a log is refused, by what would be the code of a finding
     "constant_column": r"never chang|constant|stands? still",
     "frozen": r"frozen|stands? still|never chang",
     "held_samples": r"\bheld\b|repeat",
@@ -92,5 +92,5 @@ def _names_it(by: Mapping[str, Any], findings: Any) -> bool:
 
 
 def _says_it(by: Mapping[str, Any], sentence: str) -> bool:
-    said = any(re.search(SAID[code], sentence, re.IGNORECASE) for code in by["codes"])
-    return said and all(re.search(rf"\b{column}\b", sentence) for column in by["columns"])
+    is_named = any(re.search(REFUSALS[code], sentence, re.IGNORECASE) for code in by["codes"])
+    return is_named and all(re.search(rf"\b{column}\b", sentence) for column in by["columns"])

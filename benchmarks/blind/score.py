@@ -7,8 +7,19 @@ from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score_damage import by_damage, damage_targets
-from benchmarks.blind.statistics import Bin, Share, calibration_error, median, quantile, reliability
-from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.blind.table import (
+    Bin,
+    Share,
+    Table,
+    calibration_error,
+    counted,
+    median,
+    median_and_largest,
+    number,
+    quantile,
+    reliability,
+    targets,
+)
 from benchmarks.scoring import Score
 
 NO_GAP = {"no_gap": "exactly nominal", "no_gap_slack": "3 % slack on everything"}  # family: as people call it
@@ -201,7 +212,7 @@ def failures(judgements: Iterable[Judgement]) -> Table:
             truth = " + ".join((*j.effects, j.damage))
         else:
             truth = j.outside or ("without " if j.left_out else "") + (" + ".join(j.effects) or j.truth)
-        answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
+        answer = j.answered + (" (other thrusters)" if wrong_thrusters else "")
         if j.right_class and not j.right:
             answer += " (declared, or the same by another name)"
         rows.append(failure(j, j.family, truth, answer))

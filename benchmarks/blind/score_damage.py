@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from benchmarks.blind.damages import DAMAGES
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.statistics import Share
-from benchmarks.blind.table import Table, counted
+from benchmarks.blind.table import Share, Table, counted
 
 
 def damage_targets(judgements: Sequence[Judgement]) -> list[tuple[str, str, str, Share]]:
@@ -32,7 +31,7 @@ def by_damage(judgements: Iterable[Judgement]) -> Table:
                     counted(cause for j in mine for cause in j.wrong_causes or ()),
                     Share.of(bool(j.damage_named) for j in mine).fraction,
                     Share.of(j.fault_found for j in mine).fraction,
-                    counted(j.said for j in mine if not j.damage_named),
+                    counted(j.answered for j in mine if not j.damage_named),
                 )
             )
     head = ("damage", "logs", "sound things blamed", "damage named", "fault found", "named instead")

@@ -5,11 +5,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from auv_torchrl.effects import EFFECTS, get_effect
-from benchmarks.blind.faults import FAULTS, LOAD, THRUSTER, UNSEEN
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import failures, scores
-from benchmarks.blind.statistics import Share, median
-from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.blind.sensor_sets import FAULTS, LOAD, THRUSTER, UNSEEN
+from benchmarks.blind.table import Share, Table, counted, median, median_and_largest, number, targets
 
 LEAST = {"stock": ("≥ 90 %", "≥ 97 %"), "dvl": ("≥ 95 %", "≥ 99 %"), "mocap": ("", "")}  # of what is named: must, aim
 ALARMS = ("≤ 3 %", "≤ 1 %")
@@ -60,7 +59,7 @@ def by_fault(judgements: Iterable[Judgement]) -> Table:
                     Share.of(j.right for j in mine).fraction,
                     Share.of(j.thrusters_right for j in mine).fraction,
                     f"{median(errors):.1%}" if errors else "–",
-                    counted(j.said for j in mine if not j.right),
+                    counted(j.answered for j in mine if not j.right),
                 )
             )
     return Table("Faults", ("fault", "named first", "thrusters", "median parameter error", "instead"), rows)

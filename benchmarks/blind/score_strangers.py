@@ -6,8 +6,7 @@ from auv_torchrl.effects import EFFECTS
 from benchmarks.blind.judge import Judgement
 from benchmarks.blind.score import by_family as scores_by_family
 from benchmarks.blind.score import failed, failure, of_families, outside
-from benchmarks.blind.statistics import Share, median
-from benchmarks.blind.table import Table, counted, median_and_largest, number, targets
+from benchmarks.blind.table import Share, Table, counted, median, median_and_largest, number, targets
 from benchmarks.scoring import Score
 
 
@@ -54,7 +53,7 @@ def by_effect(judgements: Iterable[Judgement]) -> Table:
                     Share.of(_alone(j) for j in mine).fraction,
                     Share.of(j.thrusters_right for j in mine).fraction,
                     f"{median(errors):.1%}" if errors else "–",
-                    counted(j.said for j in mine if not _alone(j)),
+                    counted(j.answered for j in mine if not _alone(j)),
                 )
             )
     head = ("effect", "named, and nothing else", "thrusters", "median parameter error", "instead")
@@ -80,7 +79,7 @@ def wrong(judgements: Iterable[Judgement]) -> Table:
         wrong_thrusters = j.thrusters_right is False
         if j.score == Score.RIGHT.name.lower() and _alone(j) and not wrong_thrusters:
             continue
-        answer = j.said + (" (other thrusters)" if wrong_thrusters else "")
+        answer = j.answered + (" (other thrusters)" if wrong_thrusters else "")
         answer += " (declared)" if _declared(j) and not _alone(j) else ""
         rows.append(failure(j, str(j.stranger), j.outside or " + ".join(j.effects) or j.truth, answer))
     return failed("stranger", rows)

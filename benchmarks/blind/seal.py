@@ -15,8 +15,7 @@ import auv_torchrl.diagnosis
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, raw_columns, write_columns
 from benchmarks.blind.cases import HEALTHY
-from benchmarks.blind.damage_acts import Columns
-from benchmarks.blind.damages import DAMAGES, Damage, damaged, shows_fault
+from benchmarks.blind.damages import DAMAGES, Columns, Damage, damaged, shows_fault
 
 MANIFEST = "manifest.json"
 LABELS = Path("sealed") / "labels.json"

@@ -5,9 +5,15 @@ Rates and noise of the autopilot and of the Doppler log are those of a log of a 
 smoothed there looks quieter than it is; where that matters, the comment says what is taken instead.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from auv_torchrl.effects import get_effect
 from auv_torchrl.sensors import CHANNELS, FELT, MOTION
+from auv_torchrl.vehicle import Vehicle
+from benchmarks.blind.sizes import CLEAR, Rng
 
 
 class Channel(NamedTuple):
@@ -65,3 +71,33 @@ SENSOR_SETS = {
 def sensor_set(name: str | None) -> SensorSet:
     """A set by its name, or what is measured where none is asked for."""
     return DEFAULT if name is None else SENSOR_SETS[name]
+
+
+Draw = Callable[[Rng, Vehicle], dict[str, Any]]
+WEAK = (0.15, 0.6)  # of the thrust: weed, a broken blade, a bad phase
+REVERSED = (0.8, 1.0)  # of the thrust, backwards: blades are shaped for one direction
+DEPTH_BIAS = (0.3, 3.0)  # m, either way: not zeroed, or the weather since
+
+
+def _gain(draw: Callable[[Rng], float]) -> Draw:
+    """One thruster, any, with a gain that is drawn."""
+    return lambda rng, vehicle: {f"gain_{rng.integers(1, vehicle.thrusters + 1)}": draw(rng)}
+
+
+FAULTS: dict[str, tuple[str, Draw]] = {  # by name, the effect and its values
+    "dead thruster": ("thruster_gain", _gain(lambda rng: 0.0)),
+    "reversed thruster": ("thruster_gain", _gain(lambda rng: -float(rng.uniform(*REVERSED)))),
+    "weak thruster": ("thruster_gain", _gain(lambda rng: float(rng.uniform(*WEAK)))),
+    "buoyancy": ("buoyancy", lambda rng, vehicle: CLEAR["buoyancy"](rng)),
+    "payload": ("payload", lambda rng, vehicle: CLEAR["payload"](rng)),
+    "depth bias": (
+        "depth_bias", lambda rng, vehicle: {"offset": float(rng.choice((-1, 1)) * rng.uniform(*DEPTH_BIAS))}
+    ),
+}  # fmt: skip
+THRUSTER, LOAD, UNSEEN = ("dead thruster", "reversed thruster", "weak thruster"), ("buoyancy", "payload"), "depth bias"
+
+
+def draw_fault(fault: str, vehicle: Vehicle, rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """Values by effect of a fault."""
+    name, draw = FAULTS[fault]
+    return {name: get_effect(name).read(vehicle, draw(rng, vehicle))}

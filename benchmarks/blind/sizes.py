@@ -13,7 +13,7 @@ Rng = np.random.Generator
 Draw = Callable[[Rng], dict[str, Any]]
 HORIZONTAL = (1, 2, 3, 4)  # thrusters of the vehicle `paper`
 NOT_A_GAP = ("sensor_noise", "depth_bias")  # change what is measured, not where the simulator goes wrong
-NOT_TOLD = ("depth_scale",)  # a log of poses shows it as vertical thrust; the family of damaged logs flies z up
+NOT_TELLABLE = ("depth_scale",)  # a log of poses shows it as vertical thrust; the family of damaged logs flies z up
 # The vehicle of these logs turns little by its propellers, its heading comes from cameras, it is a box,
 # it stays in deep water, and its speed controllers turn both ways and rest at neutral.
 NOT_MET = (

@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.blind.damage_acts import Act, Columns, Damaged, Rng
-from benchmarks.blind.damages import Damage
+from benchmarks.blind.damages import Act, Columns, Damage, Damaged, Rng
 from benchmarks.blind.sensor_sets import SENSOR_SETS
 
 CODES = ("does_not_answer", "nothing_moves", "constant_column", "frozen")  # of findings that tell of it

@@ -22,7 +22,7 @@ import torch
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
-from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.diagnosis.verdict import to_json
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLog, read_flightlog
 from auv_torchrl.vehicle import Vehicle, load_vehicle

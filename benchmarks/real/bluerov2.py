@@ -101,7 +101,7 @@ def words(diagnosis: Diagnosis) -> Iterator[str]:
     yield f"**{diagnosis.verdict.key}** {diagnosis.summary}"
     yield ""
     for effect in diagnosis.effects:
-        yield f"- {effect.name}: {effect.told}"
+        yield f"- {effect.name}: {effect.clause}"
     for finding in diagnosis.findings:
         yield f"- ({finding.code}) {finding.sentence}"
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis import Diagnosis, diagnose
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
-from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.diagnosis.verdict import to_json
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.fly.known import scale_of

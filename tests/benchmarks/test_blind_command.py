@@ -7,7 +7,7 @@ from operator import attrgetter
 import pytest
 
 from auv_torchrl.diagnosis import thresholds
-from auv_torchrl.diagnosis.identify import evidence
+from auv_torchrl.diagnosis.identify import explanation
 from auv_torchrl.diagnosis.identify.search import _EffectSearch
 from benchmarks.blind.ablation import OFF, ablate
 from benchmarks.blind.cases import FAMILIES
@@ -119,15 +119,15 @@ def test_an_answer_that_changes_without_a_part_is_counted(runs, monkeypatch):
 def test_a_part_that_is_watched_acts_where_it_gives_something_else(monkeypatch):
     """What gives the same as what stands for it cannot change an answer, nor can one that is never called."""
     for name in ("exchanges", "derangements"):
-        monkeypatch.setattr(evidence, name, getattr(evidence, name))  # is put back afterwards
-    place = ("identify.evidence:exchanges",)
+        monkeypatch.setattr(explanation, name, getattr(explanation, name))  # is put back afterwards
+    place = ("identify.explanation:exchanges",)
     acting = watch({
         "other": Part("gives another", place, always(0)),
         "same": Part("gives the same", place, always(1)),
         "slow": Part("is not asked what it gives", place, always(1), is_slow=True),
-        "never": Part("is not called", ("identify.evidence:derangements",), always(0)),
+        "never": Part("is not called", ("identify.explanation:derangements",), always(0)),
     })  # fmt: skip
-    assert evidence.exchanges({1: 2, 2: 1}) == 1
+    assert explanation.exchanges({1: 2, 2: 1}) == 1
     assert acting == {"other", "slow"}
 
 

@@ -13,7 +13,7 @@ from benchmarks.blind.cases import Case, draw_cases
 from benchmarks.blind.damages import BOTH, DAMAGES, FAULTS, can_show, damaged, shows_fault
 from benchmarks.blind.fly import fly
 from benchmarks.blind.judge import judge
-from benchmarks.blind.judge_damage import SAID
+from benchmarks.blind.judge_damage import REFUSALS
 from benchmarks.blind.score import numbers
 from benchmarks.blind.score_damage import by_damage
 from benchmarks.blind.seal import hand_over, log_path, open_labels, read_manifest, seal
@@ -54,7 +54,7 @@ def test_a_damage_changes_the_columns_that_it_names_and_no_other(name, seed):
 def test_a_damage_is_named_by_what_the_diagnosis_can_say(name):
     """Its effects are in the library or to come, its codes have words for a refusal, and where it hides is known."""
     damage = DAMAGES[name]
-    assert damage.codes and set(damage.codes) <= set(SAID)
+    assert damage.codes and set(damage.codes) <= set(REFUSALS)
     assert set(damage.effects) <= set(EFFECTS) | FUTURE
     assert set(FAULTS) <= set(EFFECTS)
 

@@ -23,7 +23,7 @@ from benchmarks.blind.sizes import (
     NOT_A_GAP,
     NOT_LOGGED,
     NOT_MET,
-    NOT_TOLD,
+    NOT_TELLABLE,
     draw_failures,
     draw_values,
 )
@@ -63,7 +63,7 @@ def distance(one, other):
 
 def test_sizes_cover_the_registry():
     """Every effect that opens a gap of its own has a clear size."""
-    others = {*NOT_A_GAP, *NOT_LOGGED, *NOT_TOLD, *NOT_MET, *COEFFICIENTS}
+    others = {*NOT_A_GAP, *NOT_LOGGED, *NOT_TELLABLE, *NOT_MET, *COEFFICIENTS}
     assert set(CLEAR) | others == set(ACTING)
 
 

@@ -19,7 +19,7 @@ from benchmarks.blind.judge import judge
 from benchmarks.blind.report import markdown, publish, write_report
 from benchmarks.blind.score import numbers, tables
 from benchmarks.blind.seal import LABELS, hand_over, is_sealed, open_labels, read_manifest, seal
-from benchmarks.blind.statistics import Share, calibration_error, reliability
+from benchmarks.blind.table import Share, calibration_error, reliability
 from benchmarks.blind.thrusters import thrusters_at_fault
 
 VEHICLE = load_vehicle("paper")

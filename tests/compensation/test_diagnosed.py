@@ -18,8 +18,7 @@ from auv_torchrl.compensation.diagnosed import Diagnosed, read_diagnosed
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.compensation.known_vehicle import KnownVehicle
 from auv_torchrl.compensation.target_log import fly_target_log
-from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
-from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect, to_json
 from auv_torchrl.envs import make_fleet
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import Severity, read_flightlog, write_flightlog

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis.calibrate.parameters import VehicleEstimate, guess_nuisance
 from auv_torchrl.diagnosis.calibrate.scale_ambiguity import measure_ambiguity
+from auv_torchrl.diagnosis.identify.assess import joint_precision
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
-from auv_torchrl.diagnosis.identify.steps import joint_precision
 from auv_torchrl.diagnosis.identify.sure import as_sure
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle

@@ -8,11 +8,11 @@ from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches, unseen
+from auv_torchrl.diagnosis.findings import noise_finding
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.noise import noise_finding
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLogError, Severity
 from auv_torchrl.vehicle import load_vehicle

@@ -3,12 +3,12 @@
 import pytest
 
 from auv_torchrl.diagnosis.calibrate.calibration import calibrate
+from auv_torchrl.diagnosis.identify.assess import parted_from_nuisance
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import search
-from auv_torchrl.diagnosis.identify.steps import parted_from_nuisance
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from tests.diagnosis.flown_logs import fly
 from tests.diagnosis.healthy_flights import FAULT, FILE, OWN, flown

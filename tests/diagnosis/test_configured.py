@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 
-from auv_torchrl.diagnosis.configured import configured, said_too, set_wrong, to_change
+from auv_torchrl.diagnosis.findings import configured, set_wrong, to_change, with_configuration
 from auv_torchrl.diagnosis.report.files import write_files
 from auv_torchrl.diagnosis.report.page import report_page
 from auv_torchrl.diagnosis.report.wording import to_do
-from auv_torchrl.diagnosis.verdict import Verdict
-from auv_torchrl.diagnosis.verdict_file import from_json, to_json
+from auv_torchrl.diagnosis.verdict import Verdict, from_json, to_json
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.example import example, no_gap
@@ -36,12 +35,12 @@ def test_a_direction_that_the_flight_confirms_is_told_once():
     effects = example().effects
     (finding,) = configured(WRONG, [SOUND], Verdict.EXPLAINED, effects)
     assert finding.severity is Severity.WARNING and not set_wrong([finding], effects)
-    assert said_too("It is so.", [finding], effects) == "It is so."
+    assert with_configuration("It is so.", [finding], effects) == "It is so."
 
 
 def test_what_no_flight_shows_is_told_with_the_verdict(tmp_path):
     """A fault of the configuration stands in the summary, in what to do, on the page, and in advice.param."""
-    diagnosis = replace(no_gap(), findings=(FAULT,), summary=said_too("No gap.", [FAULT], ()))
+    diagnosis = replace(no_gap(), findings=(FAULT,), summary=with_configuration("No gap.", [FAULT], ()))
     assert diagnosis.summary == "No gap. Set wrong, say the parameters: MOT_4_DIRECTION is -1."
     assert to_do(diagnosis) == ["Set it to 1."] and from_json(to_json(diagnosis)).findings == (FAULT,)
     page = report_page(diagnosis, load_vehicle("paper"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.identify.agreeing_sensor import tells_twice
+from auv_torchrl.diagnosis.identify.before_effects import tells_twice
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows

@@ -7,9 +7,9 @@ import pytest
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.identify.found import Found
+from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.report import decision_table, report_page
-from auv_torchrl.diagnosis.verdict_file import from_json, to_json
+from auv_torchrl.diagnosis.verdict import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.sysid import Outcome
 from auv_torchrl.vehicle import load_vehicle

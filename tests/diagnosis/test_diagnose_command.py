@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from auv_torchrl.command import BAD_INPUT
 from auv_torchrl.diagnosis.logs import names
 from auv_torchrl.diagnosis.request import refuse_copies
-from auv_torchrl.diagnosis.verdict_file import from_json
+from auv_torchrl.diagnosis.verdict import from_json
 from auv_torchrl.flightlog import FlightLogError, write_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.scenario import read_scenario

@@ -21,7 +21,7 @@ import auv_torchrl
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.report.files import write_files
-from auv_torchrl.diagnosis.verdict_file import from_json, to_json
+from auv_torchrl.diagnosis.verdict import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, VELOCITY, FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle

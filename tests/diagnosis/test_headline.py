@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.configured import to_change
+from auv_torchrl.diagnosis.findings import to_change
 from auv_torchrl.diagnosis.headline import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do

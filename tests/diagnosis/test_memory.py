@@ -9,7 +9,7 @@ from flown_logs import fly, hold
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.identify import quadratics
+from auv_torchrl.diagnosis.identify import paths
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
@@ -41,10 +41,10 @@ def followed():
 @given(st.integers(0, 10_000), st.integers(1, 400))
 def test_pieces_hold_every_window_once(windows, changes):
     """Pieces follow one another from the first window to the last, none larger than it may be."""
-    pieces = list(quadratics.in_pieces(windows, changes))
+    pieces = list(paths.in_pieces(windows, changes))
     rows = np.concatenate([np.arange(windows)[piece] for piece in pieces])
     np.testing.assert_array_equal(rows, np.arange(windows))
-    assert all((piece.stop - piece.start - 1) * changes <= quadratics.RESPONSES_AT_ONCE for piece in pieces)
+    assert all((piece.stop - piece.start - 1) * changes <= paths.RESPONSES_AT_ONCE for piece in pieces)
 
 
 @settings(max_examples=12, deadline=None)
@@ -60,11 +60,11 @@ def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, aro
     chosen = rng.random(len(problem.windows)) < 0.7
 
     def chi_square():
-        return quadratics.quadratic(problem, path, changes, middle, chosen=chosen)
+        return paths.quadratic(problem, path, changes, middle, chosen=chosen)
 
     whole = chi_square()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(quadratics, "RESPONSES_AT_ONCE", at_once)
+        patch.setattr(paths, "RESPONSES_AT_ONCE", at_once)
         pieces = chi_square()
     size = np.sqrt(np.diag(whole.A))
     np.testing.assert_allclose(pieces.A, whole.A, rtol=0, atol=1e-9 * np.outer(size, size).max())
@@ -77,7 +77,7 @@ def test_a_quadratic_in_pieces_is_that_of_the_whole(followed, at_once, seed, aro
 def test_screening_a_longer_log_takes_little_more_memory(followed, monkeypatch):
     """A window more costs less than the marks of all changes on it, which would be several times as much at once."""
     problem, path = followed
-    monkeypatch.setattr(quadratics, "RESPONSES_AT_ONCE", PIECE * len(problem.candidates))
+    monkeypatch.setattr(paths, "RESPONSES_AT_ONCE", PIECE * len(problem.candidates))
     times = (1, 5)
     peaks = [peak_of_screening(*repeated(problem, path, n)) for n in times]
     more = (times[1] - times[0]) * len(problem.windows)

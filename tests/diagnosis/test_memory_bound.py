@@ -142,8 +142,8 @@ def test_a_fault_that_sets_in_takes_little_more_memory(tmp_path):
     sound, faulty = simulated_logs("paper", faults, episodes=2, seconds=30.0, felt=0.03)
     episodes = (replace(e, number=k) for k, e in enumerate((*sound.episodes, *faulty.episodes)))
     log = replace(sound, episodes=tuple(episodes))
-    said = json.dumps({"drift": {}, "snapshot_s": 0.1, "autopilot": {}})
-    write_columns(raw_columns(log), tmp_path / "dive.csv", said=said)
+    note = json.dumps({"drift": {}, "snapshot_s": 0.1, "autopilot": {}})
+    write_columns(raw_columns(log), tmp_path / "dive.csv", note=note)
     out = tmp_path / "out"
     words = [f"log={tmp_path / 'dive.csv'}", "vehicle=paper", f"output={out}"]
     done = subprocess.run([sys.executable, "-c", ALONE, *words], capture_output=True, text=True, check=True)
@@ -159,8 +159,8 @@ def test_a_fault_that_sets_in_takes_little_more_memory(tmp_path):
 def test_a_diagnosis_of_all_channels_stays_below_the_limit(tmp_path, snapshot_s):
     """A quarter of an hour of 15 channels with a fault, from file to report, in a process of its own."""
     log = simulated_logs("paper", [{"thruster_gain": {"gain_4": 0.55}}], episodes=1, seconds=900.0, felt=0.03)[0]
-    said = json.dumps({"drift": {}, "snapshot_s": snapshot_s, "autopilot": {}})
-    write_columns(raw_columns(log), tmp_path / "long.csv", said=said)
+    note = json.dumps({"drift": {}, "snapshot_s": snapshot_s, "autopilot": {}})
+    write_columns(raw_columns(log), tmp_path / "long.csv", note=note)
     code = (
         "import resource, subprocess, sys; subprocess.run([sys.executable, *sys.argv[1:]], check=True)\n"
         "print(1024 * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"

@@ -6,9 +6,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis import named
+from auv_torchrl.diagnosis import decision
+from auv_torchrl.diagnosis.decision import found_effects, is_ordinary
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
-from auv_torchrl.diagnosis.named import found_effects, is_ordinary
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.flightlog.log import SampleErrors
@@ -27,7 +27,7 @@ def named_effect(monkeypatch):
     found: Any = SimpleNamespace(best=best, none=SimpleNamespace(chi2=1000.0), fits=())
     exact = SimpleNamespace(errors=SampleErrors())
     problem: Any = SimpleNamespace(vehicle=PAPER, known=None, windows=exact)
-    monkeypatch.setattr(named, "as_sure", lambda _, fit: (fit.explanation, fit.covariance))
+    monkeypatch.setattr(decision, "as_sure", lambda _, fit: (fit.explanation, fit.covariance))
     return lambda probability: found_effects(problem, found, {"thruster_gain": probability}, 1.0, {})[0]
 
 

@@ -8,9 +8,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.identify.before_effects import find_onset
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.onset import find_onset
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle

@@ -9,14 +9,13 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
-from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.neighbours import weighed
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
-from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.identify.search import Found, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.validate.refute import take_back
+from auv_torchrl.diagnosis.validate.veto import take_back
 from auv_torchrl.sysid.posterior import weights
 from auv_torchrl.sysid.trace import Outcome, SearchTrace
 from auv_torchrl.vehicle import load_vehicle

@@ -36,8 +36,9 @@ from auv_torchrl.diagnosis.verdict import (
     Hypothesis,
     Outcome,
     Verdict,
+    from_json,
+    to_json,
 )
-from auv_torchrl.diagnosis.verdict_file import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flightlog import Finding, Severity

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.identify.evidence import derangements, exchanges, rings
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term, derangements, exchanges, rings
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
+from auv_torchrl.diagnosis.identify.assess import moved_along
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, moved_by, walks
 from auv_torchrl.diagnosis.identify.following import follow_windows, nudged_chi2
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.steps import moved_along
 from auv_torchrl.diagnosis.identify.sure import as_sure
-from auv_torchrl.diagnosis.identify.valley import moved_in_valley, walks
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.trial import Valley
@@ -43,13 +42,19 @@ def limited():
     return follow_windows(problem)
 
 
+def in_valley(problem, explanation, step):
+    """The explanation a step of the leading number further, the numbers beside it moved with it."""
+    vehicle = batch(problem.vehicle, [explanation.values(problem.vehicle)])
+    return moved_by(problem, explanation, VALLEY.moves(vehicle, step))
+
+
 @pytest.mark.thorough
 def test_a_limit_is_the_same_from_anywhere_along_the_curve_of_thrust(limited):
     """Exponent, dead band, limit and gains make up for each other; fits that begin far apart tell one limit."""
     (problem, follow), told = limited, []
     for by in (-0.02, -0.01, 0.01, 0.02):
         begin = Explanation((Term("thrust_limit", LIMITS, LIMIT * (1 - 1.5 * by)),), dict.fromkeys(GAINS, 1.5 * by))
-        fit = fit_by_simulation(problem, moved_in_valley(problem, begin, VALLEY, by), follow)
+        fit = fit_by_simulation(problem, in_valley(problem, begin, by), follow)
         (term,), covariance = as_sure(problem, fit)[0].terms, as_sure(problem, fit)[1]
         told.append(term.value)
         deviation = float(np.sqrt(covariance[0, 0]))
@@ -73,7 +78,7 @@ def test_numbers_that_move_together_leave_one_mark(limited):
 def test_commands_pass_the_dead_band_as_before_along_the_valley(limited):
     """Moved along the valley, thrusters start at the same commands to both sides."""
     problem, _ = limited
-    moved = moved_in_valley(problem, Explanation(), VALLEY, 0.02).values(problem.vehicle)
+    moved = in_valley(problem, Explanation(), 0.02).values(problem.vehicle)
     exponent, width = moved["thrust_curve"]["exponent"], moved["dead_band"]["width"]
     full, before = VEHICLE.full_thrust[0].item(), VEHICLE.dead_band[0].item()
     for left, now in ((1.0, 1.0), (1 - CURVE["asymmetry"], 1 - moved["thrust_curve"]["asymmetry"])):

@@ -8,10 +8,10 @@ import torch
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.findings import volts_findings
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import errors_by_kind, predict
-from auv_torchrl.diagnosis.volts import volts_findings
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.thrusters import VOLTS_EXPONENT, at_volts

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from flown_logs import fly, hold
 
+from auv_torchrl.diagnosis.identify.before_effects import find_onset
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.onset import find_onset
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.attribute import attribute, in_turn, stuck
 from auv_torchrl.diagnosis.localize.locate import gap_by_window, regimes

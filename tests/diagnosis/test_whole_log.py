@@ -9,8 +9,8 @@ from flown_logs import fly, hold
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.diagnosis.overview import MOST_SAMPLES, Overview
 from auv_torchrl.diagnosis.report.dive import dive
+from auv_torchrl.diagnosis.verdict import MOST_SAMPLES, Overview
 from auv_torchrl.vehicle import load_vehicle
 
 PAPER = load_vehicle("paper")

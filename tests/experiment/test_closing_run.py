@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.agents.policy import SourcePolicy
-from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
-from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect, to_json
 from auv_torchrl.experiment import closing
 from auv_torchrl.experiment import run as running
 from auv_torchrl.experiment.console import Stages

@@ -52,7 +52,7 @@ def test_a_known_change_is_found_with_its_value_and_nothing_beside(truth):
     for interval in intervals(found.best):
         true = truth[interval.parameter.name]
         assert abs(interval.value - true) < 2 * max(interval.high - interval.low, 0.02)
-        assert interval.told and not interval.at_bound
+        assert interval.is_determined and not interval.at_bound
 
 
 def test_a_sound_system_is_not_explained():

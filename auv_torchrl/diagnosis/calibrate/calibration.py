@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.axes import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.calibrate.correction import PredictionGain, correct_file, measure_own_floor
 from auv_torchrl.diagnosis.calibrate.flights import PASSES, FlightsFit, fit_flights, sizes_by_axis
 from auv_torchrl.diagnosis.calibrate.output_error import fit_coefficients, simulate_errors, thin_out
@@ -25,7 +26,6 @@ from auv_torchrl.diagnosis.calibrate.parameters import (
     state_nuisance,
 )
 from auv_torchrl.diagnosis.calibrate.scale_ambiguity import hold_scale, measure_ambiguity, restore_file_scale
-from auv_torchrl.diagnosis.identify.attitude import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, measure_noise, reassess
 from auv_torchrl.diagnosis.identify.following import chi2_by_window, follow_windows

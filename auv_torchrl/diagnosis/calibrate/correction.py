@@ -4,7 +4,7 @@ A vehicle that published coefficients describe is off in many of them at once, a
 fits that. All uncertain coefficients are therefore fitted first, and kept where they predict unseen windows better.
 Effects are then looked for beside coefficients that are as uncertain as the fit leaves them.
 
-A correction is told to a pilot as steady speeds and times: drag, thrust and inertia trade against each other, speeds
+A pilot reads a correction as steady speeds and times: drag, thrust and inertia trade against each other, speeds
 and times do not.
 """
 
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.axes import held_level, hold_attitude
 from auv_torchrl.diagnosis.calibrate.flights import disturbance_floor
 from auv_torchrl.diagnosis.calibrate.output_error import (
     NEARLY_SETTLED,
@@ -26,7 +27,6 @@ from auv_torchrl.diagnosis.calibrate.output_error import (
 )
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, VehicleEstimate
 from auv_torchrl.diagnosis.calibrate.standing_out import Outlier, standing_out
-from auv_torchrl.diagnosis.identify.attitude import held_level, hold_attitude
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, nuisance_parameters

@@ -29,8 +29,7 @@ from auv_torchrl.diagnosis.calibrate.vehicle_file import vehicle_yaml
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.lengths import check_lengths, split
 from auv_torchrl.diagnosis.logs import names
-from auv_torchrl.diagnosis.request import plain_config, report_findings
-from auv_torchrl.diagnosis.settings import read_settings
+from auv_torchrl.diagnosis.request import plain_config, read_settings, report_findings
 from auv_torchrl.diagnosis.verdict import Errors
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog

@@ -4,7 +4,7 @@ The fit minimises the output error (Ljung 1999, section 3.2) instead of the inno
 file is a guess, predictions over seconds count, and the error is the model's, not the sensors'.
 
 Commands of one size leave a bent valley, along which gains of thrusters and the exponent of their curve trade. Heavy
-and light vehicles that answer alike lie in valleys of their own. The descent therefore begins at several places, and
+and light vehicles that answer the same lie in valleys of their own. The descent therefore begins at several places, and
 the end with the largest posterior stands.
 """
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from auv_torchrl.diagnosis.axes import held_level
 from auv_torchrl.diagnosis.calibrate.parameters import VehicleEstimate
-from auv_torchrl.diagnosis.identify.attitude import held_level
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import NuisanceEntry
 from auv_torchrl.diagnosis.motion.windows import Floats

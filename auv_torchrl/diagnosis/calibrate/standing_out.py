@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, shared_family
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import DIFFER_BY, FEWEST_ALIKE, WORTH_AN_EFFECT
+from auv_torchrl.diagnosis.thresholds import DIFFER_BY, FEWEST_OF_FAMILY, WORTH_AN_EFFECT
 
 
 @dataclass(frozen=True)
@@ -46,22 +46,23 @@ def standing_out(coefficients: Sequence[Coefficient], values: Floats, covariance
     nominal = np.array([c.nominal or 1.0 for c in coefficients])
     values, covariance = values / nominal, covariance / np.outer(nominal, nominal)
     found = []
-    for alike in families.values():
-        while len(alike) > FEWEST_ALIKE:
-            odds = {place: _log_odds(*_to_others(place, alike, values, covariance), len(alike)) for place in alike}
+    for members in families.values():
+        while len(members) > FEWEST_OF_FAMILY:
+            count = len(members)
+            odds = {place: _log_odds(*_to_others(place, members, values, covariance), count) for place in members}
             first = max(odds, key=lambda place: odds[place])
             if odds[first] <= 0:
                 break
-            ratio, _ = _to_others(first, alike, values, covariance)
+            ratio, _ = _to_others(first, members, values, covariance)
             one = coefficients[first]
             found.append(Outlier(one.effect, one.member, ratio, float(expit(odds[first]))))
-            alike = [place for place in alike if place != first]
+            members = [place for place in members if place != first]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
-def _to_others(place: int, alike: Sequence[int], values: Floats, covariance: Floats) -> tuple[float, float]:
+def _to_others(place: int, members: Sequence[int], values: Floats, covariance: Floats) -> tuple[float, float]:
     """A member as a multiple of the mean of the others, and the standard deviation of that."""
-    others = [one for one in alike if one != place]
+    others = [one for one in members if one != place]
     mean = float(values[others].mean())
     ratio = float(values[place]) / mean
     slope = np.zeros(len(values))
@@ -69,9 +70,9 @@ def _to_others(place: int, alike: Sequence[int], values: Floats, covariance: Flo
     return ratio, float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
 
 
-def _log_odds(ratio: float, deviation: float, alike: int) -> float:
-    """Log odds that one of several ``alike`` is at fault, and not as the others are."""
-    sound = np.hypot(deviation, DIFFER_BY * np.sqrt(1 + 1 / (alike - 1)))
+def _log_odds(ratio: float, deviation: float, count: int) -> float:
+    """Log odds that one of a ``count`` is at fault, and not as the others are."""
+    sound = np.hypot(deviation, DIFFER_BY * np.sqrt(1 + 1 / (count - 1)))
     faulty = np.hypot(deviation, 1.0)
     off = ratio - 1.0
     return float(0.5 * (off / sound) ** 2 - 0.5 * (off / faulty) ** 2 + np.log(sound / faulty)) - WORTH_AN_EFFECT

@@ -6,9 +6,8 @@ import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
-from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_nuisance, nuisance_now
+from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_nuisance, nuisance_now, quadratic
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.unseen import hold_unseen
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.noise import sensor_noise, whiten
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
@@ -36,6 +35,8 @@ from auv_torchrl.diagnosis.thresholds import (
     OUTLIER,
     SETTLING,
     STUCK,
+    TELLS,
+    UNTOLD,
 )
 from auv_torchrl.vehicle import Vehicle
 
@@ -235,3 +236,25 @@ def _taken_on(state: Smoothed, settled: tuple[Floats, ...]) -> tuple[Smoothed, F
 
 def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:
     return state.start[:, None], state.bins[:, None], state.residual[:, None]
+
+
+def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
+    """The problem with nuisance parameters as wide as they are only along directions of which its windows tell.
+
+    Healthy flights leave open what changes no motion, as twice the inertia with twice the thrust and drag. Such a
+    direction costs a fit nothing to first order, and the fit would go to its bound for no reason. The intervals of the
+    fitted values take the whole width (:func:`auv_torchrl.diagnosis.identify.sure.as_sure`).
+    """
+    A = quadratic(problem, follow, [], chosen=problem.followed).A
+    if not np.isfinite(A).all():
+        return problem
+    size, direction = np.linalg.eigh(problem.nuisance_covariance)
+    root = direction * np.sqrt(np.maximum(size, 0.0))
+    information, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of nuisance parameters
+    share = np.where(information < TELLS, UNTOLD, 1.0)
+    held = root @ along * share
+    covariance = held @ held.T
+    widths = np.sqrt(np.diag(covariance)).tolist()
+    nuisance = tuple((*entry[:3], width) for entry, width in zip(problem.nuisance, widths, strict=True))
+    precision = np.linalg.inv(covariance)
+    return replace(problem, nuisance=nuisance, nuisance_covariance=covariance, nuisance_precision=precision)

@@ -3,21 +3,50 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from auv_torchrl.array_api import converted
-from auv_torchrl.diagnosis.identify.declared import declared
 from auv_torchrl.diagnosis.latest import Latest
 from auv_torchrl.effects import EFFECTS, Effect, Parameter
 from auv_torchrl.effects.trial import Same, Scan
 from auv_torchrl.settings import Entries, In, read_settings
 from auv_torchrl.vehicle import Vehicle
 
+
+class Declared(NamedTuple):
+    """Of an effect, by full name of a parameter."""
+
+    parameters: Mapping[str, Parameter]
+    nominal: dict[str, float]  # values at which it does nothing
+    places: Mapping[str, int | slice]  # by the name that it was declared under, among the full names
+
+
+_KNOWN: Latest[Declared] = Latest(256)  # all effects for the vehicles of some diagnoses
+
+
+def declared(effect: str, vehicle: Vehicle) -> Declared:
+    """The parameters of an effect for a vehicle (no batch), which nobody changes in place, and their nominal values."""
+    its = EFFECTS[effect]
+    return _KNOWN.of(
+        lambda: Declared(its.member_parameters(vehicle), its.nominal(vehicle), _places(its, vehicle)), (its, vehicle)
+    )
+
+
+def _places(effect: Effect, vehicle: Vehicle) -> dict[str, int | slice]:
+    places: dict[str, int | slice] = {}
+    first = 0
+    for p in effect.parameters:
+        behind = first + len(p.members(vehicle))
+        places[p.name] = first if p.over is None else slice(first, behind)
+        first = behind
+    return places
+
+
 Values = dict[str, dict[str, float]]  # effect -> parameter -> value
 Entry = tuple[str, str, float, float]  # effect, parameter, nominal value, prior standard deviation
-ALIKE: Latest[Vehicle] = Latest(16)  # batches of a vehicle as it is
+UNCHANGED: Latest[Vehicle] = Latest(16)  # batches of a vehicle as it is
 DEFAULT_SCAN = 7  # values across the bounds of a parameter that declares no values to try
 
 
@@ -54,8 +83,8 @@ class Settings:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Names of the effects that are not looked for."""
-        declared = (name for name, effect in EFFECTS.items() if effect.trial.is_noise or not effect.trial.is_searched)
-        return tuple(declared) if self.ignored is None else self.ignored
+        unasked = (name for name, effect in EFFECTS.items() if effect.trial.is_noise or not effect.trial.is_searched)
+        return tuple(unasked) if self.ignored is None else self.ignored
 
     def is_rough(self, effect: str) -> bool:
         """Whether chi-square is rough in the values of an effect."""
@@ -101,7 +130,7 @@ def batch(vehicle: Vehicle, rows: list[Values]) -> Vehicle:
         KeyError: for a parameter that its effect does not have.
     """
     names = {name for row in rows for name in row}
-    changed = ALIKE.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
+    changed = UNCHANGED.of(lambda: vehicle.expand(len(rows)), (vehicle,), len(rows))
     for name in (name for name in EFFECTS if name in names):
         _, nominal, places = declared(name, vehicle)
         each = [nominal | row.get(name, {}) for row in rows]

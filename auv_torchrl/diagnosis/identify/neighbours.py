@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.evidence import giver_of, rings
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.assess import bounded_step, change_of_chi2, take_step
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term, giver_of, rings
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion
+from auv_torchrl.diagnosis.identify.hypotheses import declared
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.screen import Field, moves_all
-from auv_torchrl.diagnosis.identify.steps import bounded_step, change_of_chi2, take_step
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     DOUBTED,
@@ -76,8 +75,6 @@ class Neighbourhood:
             here = field.none().evidence
             for one in field.families():
                 what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
-                if self._are_twins(added, mine):
-                    continue
                 how = f"with {_words(added)}" if added else "with more values of what is there"
                 proposal = self._proposal(what, one.evidence - here, one.chi2, how)
                 if self.is_known(proposal):
@@ -171,7 +168,7 @@ class Neighbourhood:
         for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
             for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
                 what, added = Neighbour(one.explanation, self.best.path), set(one.explanation.effects) - set(effects)
-                if not added or self._are_twins(added, (effect,)):
+                if not added:
                     continue
                 how = f"with {_words(added)} in place of {_words([effect])}"
                 proposal = self._proposal(what, one.evidence - self.best.evidence, one.chi2, how)
@@ -180,10 +177,6 @@ class Neighbourhood:
                     found.append(replace(proposal, simulate=likely))
                 break
         return found
-
-    def _are_twins(self, added: Iterable[str], there: Iterable[str]) -> bool:
-        """Whether an effect does to this log what one that is there does by another name."""
-        return any(frozenset((new, old)) in self.field.twins for new in added for old in there)
 
     def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
         misfit = chi2 / max(self.field.quadratic.numbers, 1)  # 0 where no force makes the vehicle follow any window

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.evidence import Prior
+from auv_torchrl.diagnosis.identify.explanation import Prior
 from auv_torchrl.diagnosis.identify.hypotheses import (
     Candidate,
     Settings,
@@ -89,7 +89,7 @@ class Problem:
     known: HealthyPrior | None  # from healthy logs
     layout: Layout
     floor: Floats  # (D,) N, N m: standard deviation of the disturbance in the measured degrees of freedom
-    reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom, or in one alike
+    reach: Floats  # (6,) N, N m: most of what the thrusters can make in each degree of freedom, or in one of its kind
     wide: Floats  # (D,) N, N m: prior of the force while a wrong model follows the log
     candidates: tuple[Candidate, ...]  # changes to try
     nuisance: tuple[NuisanceEntry, ...]
@@ -133,7 +133,7 @@ class Problem:
             known=known,
             layout=layout,
             floor=floor[layout.dof],
-            reach=_or_alike(reach),
+            reach=_or_of_kind(reach),
             wide=reach[layout.dof] * np.where(layout.by_specific_force, FELT_ALONE, 1.0),
             candidates=candidates,
             nuisance=nuisance,
@@ -221,7 +221,7 @@ def _reach(vehicle: Vehicle, speed: float) -> Floats:
     return np.maximum(WIDE_SHARE * push, LEAST_REACH)
 
 
-def _or_alike(reach: Floats) -> Floats:
+def _or_of_kind(reach: Floats) -> Floats:
     """The same (6,), with the largest of its kind where thrusters make no force, or no moment."""
     largest = np.repeat(reach.reshape(2, 3).max(1), 3)
     return np.where(reach > LEAST_REACH, reach, largest)

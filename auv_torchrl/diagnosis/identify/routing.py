@@ -14,11 +14,9 @@ from itertools import combinations, product
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.assess import log_evidence
-from auv_torchrl.diagnosis.identify.evidence import exchanges, volume
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
-from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term, exchanges, volume
+from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now, quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.screen import Screened
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE

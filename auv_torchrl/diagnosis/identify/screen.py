@@ -2,19 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.assess import log_evidence, term_changes
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.evidence import volume
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.hypotheses import Candidate
-from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now
+from auv_torchrl.diagnosis.identify.assess import joint_precision, log_evidence, term_changes, value_steps
+from auv_torchrl.diagnosis.identify.explanation import Explanation, volume
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, declared
+from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now, quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.quadratics import quadratic, without_nuisance
-from auv_torchrl.diagnosis.identify.steps import joint_precision, value_steps
 from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import (
@@ -57,7 +52,7 @@ class Field:
 
     @staticmethod
     def of(problem: Problem, path: WindowPath, around: Explanation | None = None) -> "Field":
-        """Mark every candidate on the windows of ``path``, on top of its explanation or of another one."""
+        """The response of every candidate on the windows of ``path``, on top of its explanation or of another one."""
         explanation = path.explanation if around is None else around
         moved, steps = term_changes(problem, explanation)
         candidates = [explanation.with_candidate(candidate, problem.vehicle) for candidate in problem.candidates]
@@ -136,13 +131,13 @@ class Field:
         return Screened(explanation, chi2, evidence)
 
     def _unit(self, candidate: Candidate) -> tuple[float, float]:
-        """Change of the parameter that an candidate moves most, and the plausible range of that parameter."""
+        """Change of the parameter that a candidate moves most, and the plausible range of that parameter."""
         most = self.moved_most(candidate)
         nominal = declared(candidate.effect, self.problem.vehicle).nominal[most]
         return candidate.values[most] - nominal, self.problem.prior.width(candidate.effect, most)
 
     def moved_most(self, candidate: Candidate) -> str:
-        """The parameter that an candidate moves most, for its plausible range."""
+        """The parameter that a candidate moves most, for its plausible range."""
         nominal = declared(candidate.effect, self.problem.vehicle).nominal
         width = self.problem.prior.width
         return max(
@@ -167,21 +162,6 @@ class Field:
     def families(self) -> list[Screened]:
         """The best explanation of each family alone, members added while that pays."""
         return sorted((self._family(name) for name in self._names), key=lambda s: -s.evidence)
-
-    @cached_property
-    def twins(self) -> set[frozenset[str]]:
-        """Effects of which each change has the response of some change of the other: together they explain no more."""
-        size = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
-        same = np.abs(self.A) > SAME_RESPONSE * np.outer(size, size)
-        rows = {
-            name: [i for i, a in enumerate(self.problem.candidates) if a.effect == name and self.seen[i]]
-            for name in self._names
-        }
-        return {
-            frozenset({one, other})
-            for one, other in combinations(self._names, 2)
-            if same[np.ix_(rows[one], rows[other])].any(1).all() and same[np.ix_(rows[one], rows[other])].any(0).all()
-        }
 
     @property
     def _names(self) -> list[str]:
@@ -234,7 +214,7 @@ def with_each(field: Field, chosen: list[int], others: list[int]) -> Floats:
 
 
 def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
-    """Whether an candidate says the same as chosen ones, or moves what they move."""
+    """Whether a candidate says the same as chosen ones, or moves what they move."""
     mine = field.problem.candidates[i]
     for j in chosen:
         other = field.problem.candidates[j]
@@ -246,7 +226,7 @@ def _overlaps(field: Field, i: int, chosen: list[int]) -> bool:
 
 
 def moves_all(problem: Problem, candidate: Candidate) -> bool:
-    """Whether an candidate moves all members of a family of parameters by one value."""
+    """Whether a candidate moves all members of a family of parameters by one value."""
     parameters = declared(candidate.effect, problem.vehicle).parameters
     return (
         len(candidate.values) > 1

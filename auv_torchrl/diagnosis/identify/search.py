@@ -6,11 +6,12 @@ neighbour a log evidence, and those that promise most are simulated.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
+from auv_torchrl.diagnosis.identify.before_effects import follow_agreeing
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import (
     fit_by_simulation,
@@ -19,7 +20,6 @@ from auv_torchrl.diagnosis.identify.fit import (
     reassess,
     rescued,
 )
-from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
 from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, is_of_family, promise, weighed
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_does, sizes
@@ -29,6 +29,7 @@ from auv_torchrl.diagnosis.identify.sure import likeliest
 from auv_torchrl.diagnosis.thresholds import (
     CONTENDS,
     FAR_BEHIND,
+    FAULT_KNOWN,
     FITTED_FROM,
     HOPELESS,
     MANY_WINDOWS,
@@ -41,7 +42,46 @@ from auv_torchrl.diagnosis.thresholds import (
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import words
 from auv_torchrl.sysid.search import Proposal, Search, Way
-from auv_torchrl.sysid.trace import Outcome, Record
+from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
+
+
+@dataclass(frozen=True)
+class Found:
+    """The explanations of a log that were simulated, the best of them, and what they rest on."""
+
+    problem: Problem  # with the sensor noise that was found
+    follow: WindowPath  # nominal vehicle, the gap in a free force
+    none: Fit
+    best: Fit
+    fits: tuple[Fit, ...]  # all that were simulated, the highest evidence first
+    field: Field  # responses to all changes at the nominal vehicle
+    trace: SearchTrace
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per measured number that the best explanation leaves; 1 is noise alone."""
+        return self.best.excess
+
+    @property
+    def most_left(self) -> float:
+        """Chi-square per number that an explanation may leave: what physics and the model of a fault are wrong by."""
+        gap = self.field.none().chi2 / max(self.field.quadratic.numbers, 1) - self.excess
+        does = max(gap, 0.0) if self.best.explanation.effects else 0.0
+        return self.problem.settings.excess + FAULT_KNOWN**2 * does
+
+    @cached_property
+    def excess_as_stated(self) -> float:
+        """The same under the floor of the settings, where the log's own, which may hide a gap, was searched with.
+
+        A floor that healthy flights show is that of a sound vehicle, and stays.
+        """
+        problem = self.problem
+        if problem.known is None or not problem.known.of_itself:
+            return self.excess
+        stated = np.array(problem.settings.floor_force)[problem.layout.dof]
+        fit = reassess(replace(problem, floor=stated), self.best)
+        return fit.excess
+
 
 Progress = Callable[[str, float], None]
 
@@ -49,7 +89,7 @@ Progress = Callable[[str, float], None]
 def search(
     problem: Problem, follow: WindowPath, progress: Progress, begin: Sequence[Explanation] = (), further: bool = True
 ) -> Found:
-    """The explanation with the highest posterior, and all that were looked at on the way to it.
+    """The explanation with the highest posterior, and all that were tried on the way to it.
 
     What acts shows in a part of a long log: some of its windows are searched, and what is found is fitted to all.
 
@@ -67,7 +107,7 @@ def search(
     found = _EffectSearch(*follow_agreeing(few), progress).run(begin, further)
     ranked = [found.best, *(one for one in found.fits if one is not found.best)]
     chosen = [one.explanation for one in ranked if one.explanation.effects][: 1 + REFITTED]
-    trace = found.trace  # that of the search among some windows, where all effects were looked at
+    trace = found.trace  # that of the search among some windows, where all effects were tried
     del few, found, ranked  # beside all windows they would fill the memory
     whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
     names, trace = whole.trace.best.names, trace.weighed_again(whole.trace)

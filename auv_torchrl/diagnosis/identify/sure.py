@@ -6,17 +6,17 @@ from operator import attrgetter
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.declared import declared
-from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
-from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.steps import (
+from auv_torchrl.diagnosis.identify.assess import (
     joint_precision,
     parted_from_nuisance,
     shared_with_nuisance,
     take_step,
     value_steps,
 )
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import declared
+from auv_torchrl.diagnosis.identify.paths import Fit, nuisance_now
+from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import NUISANCE_SHARES, TELLS_SCALES
 
@@ -63,9 +63,9 @@ def as_sure(problem: Problem, fit: Fit) -> tuple[Explanation, Floats]:
     carried = np.concatenate([-np.linalg.solve(best.curvature, A[:free, free:]), held])
     covariance = np.pad(np.linalg.inv(best.curvature), (0, len(held))) + carried @ carried.T
     of_scales, by = _of_a_share(problem, explanation) @ scales, step[:n] - at_fit
-    said = take_step(problem, explanation, by[k:] * fit.steps + of_scales @ step[n:], by[:k])
+    moved = take_step(problem, explanation, by[k:] * fit.steps + of_scales @ step[n:], by[:k])
     to_values = np.concatenate([np.diag(fit.steps), of_scales], axis=1)
-    return said, to_values @ covariance[k:, k:] @ to_values.T
+    return moved, to_values @ covariance[k:, k:] @ to_values.T
 
 
 def likeliest(problem: Problem, fit: Fit) -> Explanation:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.found import Found
-from auv_torchrl.diagnosis.identify.onset import Onset, blocks, force_scatter
+from auv_torchrl.diagnosis.identify.before_effects import Onset, blocks, force_scatter
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import attribute, on_grid
 from auv_torchrl.diagnosis.localize.moments import changing_thruster
 from auv_torchrl.diagnosis.motion.windows import Floats

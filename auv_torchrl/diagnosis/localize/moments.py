@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import in_pieces
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from auv_torchrl.diagnosis.overview import Overview
 from auv_torchrl.diagnosis.report.svg import line, polyline, rect, svg, text, ticks
+from auv_torchrl.diagnosis.verdict import Overview
 from auv_torchrl.flightlog.log import Floats
 
 _WIDTH, _LEFT, _RIGHT = 1040.0, 84.0, 8.0

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_torchrl.diagnosis.configured import to_change
+from auv_torchrl.diagnosis.findings import to_change
 from auv_torchrl.diagnosis.scenario_file import alternatives_yaml, randomization_yaml, scenario_yaml
-from auv_torchrl.diagnosis.verdict import Diagnosis, Window
-from auv_torchrl.diagnosis.verdict_file import to_json
+from auv_torchrl.diagnosis.verdict import Diagnosis, Window, to_json
 from auv_torchrl.extras import command, is_installed
 from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY

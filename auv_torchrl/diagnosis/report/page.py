@@ -9,7 +9,7 @@ from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from auv_torchrl import __version__
-from auv_torchrl.diagnosis.configured import set_wrong, to_change
+from auv_torchrl.diagnosis.findings import set_wrong, to_change
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares
 from auv_torchrl.diagnosis.report.dive import dive
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind

@@ -37,7 +37,7 @@ def record_diagnosis(diagnosis: Diagnosis, vehicle: Vehicle, path: Path) -> None
         recording.send_blueprint(_blueprint(seen), make_active=False)
         recording.log("world", rr.ViewCoordinates.FRD, static=True)  # x north, y east, z down
         about = f"# {diagnosis.verdict.key.replace('_', ' ')}\n\n{printable(diagnosis.summary, None)}\n\n" + "\n".join(
-            f"- {effect.told}" for effect in diagnosis.effects
+            f"- {effect.clause}" for effect in diagnosis.effects
         )
         recording.log("about", rr.TextDocument(about, media_type=rr.MediaType.MARKDOWN), static=True)
         if diagnosis.windows:

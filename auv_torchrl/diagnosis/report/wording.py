@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from auv_torchrl.diagnosis.configured import set_wrong
+from auv_torchrl.diagnosis.findings import set_wrong
 from auv_torchrl.diagnosis.summary import SUSPECT
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import (

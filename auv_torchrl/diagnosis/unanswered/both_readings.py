@@ -7,11 +7,11 @@ A fault that makes a vehicle stand as still then is the other reading, which tha
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from auv_torchrl.diagnosis.axes import hold_attitude
 from auv_torchrl.diagnosis.doubt import BELIEVED, doubted_alternatives
-from auv_torchrl.diagnosis.identify.attitude import hold_attitude
-from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
+from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.agreeing_sensor import follow_agreeing
+from auv_torchrl.diagnosis.identify.before_effects import follow_agreeing
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
