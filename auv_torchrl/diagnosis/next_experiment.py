@@ -13,6 +13,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.summary import suspects
+from auv_torchrl.diagnosis.thresholds import FAULT_KNOWN
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
 from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
@@ -30,6 +31,7 @@ STEADY, TURNING = 0.3, 0.06  # of the full command, while turning slowly
 OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 MOST_RIVALS = 4  # pairs that manoeuvres are flown for in simulation
 SEPARATES = 3.0  # noise standard deviations, root mean square, below which flying it is no use
+ALIKE = 0.05  # of the full command, within which a thruster with a map gives the same
 SHOWS = 1.0  # nats about a moment of a thruster: what it gives is then known within 0.37 of its thrust
 MOMENT_S = 1.5  # s over which a thruster gives one share of its thrust: as long as a pulse
 
@@ -52,8 +54,8 @@ def by_hand(name: str) -> str:
     if name.startswith("rising pulses of thruster "):
         sizes = ", ".join(percent(size) for size in SIZES)
         return (
-            f"in the motor test of the ground station run thruster {name.split()[4]} for 1 s at {sizes}, with 0.5 s of "
-            "rest between; then the other way"
+            f"in the motor test of the ground station run thruster {name.split()[4]} for {MOMENT_S:g} s forwards and "
+            f"{MOMENT_S:g} s backwards, at {sizes} in turn"
         )
     if name.startswith("drift"):
         return f"let go of all sticks for {SECONDS:.0f} s"
@@ -74,7 +76,7 @@ def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
     t = np.arange(steps) * CONTROL_DT
     pulse = np.where(t % 6 < 1.5, 1.0, np.where((t % 6 > 3) & (t % 6 < 4.5), -1.0, 0.0)) * SIZE
     turn = np.minimum(t // MOMENT_S, 2 * len(SIZES) - 1).astype(int)
-    rising = np.where(t % MOMENT_S < 1.0, np.array([*SIZES, *(-size for size in SIZES)])[turn], 0.0)
+    rising = np.array([way * size for size in SIZES for way in (1.0, -1.0)])[turn]
     found = {}
     for i in range(vehicle.thrusters):
         found[f"pulse thruster {i + 1} alone"] = pulse[:, None] * np.eye(vehicle.thrusters)[i]
@@ -155,7 +157,10 @@ def watch(problem: Problem, found: Found, thruster: int) -> NextExperiment | Non
 
 
 def _shows(problem: Problem, vehicle: Vehicle, commands: Floats, own: int) -> float:
-    """Nats that commands (T, n) tell of what a thruster gives in a moment, on average; before, that is 1 ± 1."""
+    """Nats that commands (T, n) tell of what a thruster gives in a moment, on average.
+
+    Before, that is 1 ± 1 of its thrust, half of the variance for each command and half for each moment.
+    """
     moment = (np.arange(len(commands)) * CONTROL_DT // MOMENT_S).astype(int)
     lost = [(i, k) for k in range(moment[-1] + 1) for i in np.flatnonzero(np.abs(commands[moment == k]).max(0) > 0)]
     mine = np.array([i == own for i, _ in lost], bool)
@@ -171,7 +176,10 @@ def _shows(problem: Problem, vehicle: Vehicle, commands: Floats, own: int) -> fl
     if len(others):
         across = others @ changes[mine].T
         told -= across.T @ np.linalg.solve(others @ others.T + np.eye(len(others)), across)
-    return float(0.5 * np.linalg.slogdet(np.eye(len(told)) + told)[1] / (moment[-1] + 1))
+    size = np.array([np.abs(commands[moment == k, i]).max() * np.sign(commands[moment == k, i].sum()) for i, k in lost])
+    alike = np.abs(size[mine, None] - size[mine]) < ALIKE
+    before = 0.5 * (alike + np.eye(len(told)))  # half by the map of the thruster, half by the moment
+    return float(0.5 * np.linalg.slogdet(np.eye(len(told)) + before @ told)[1] / (moment[-1] + 1))
 
 
 def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:
@@ -207,8 +215,16 @@ def _fly(problem: Problem, vehicles: Vehicle, plans: Floats) -> Floats:
 
 
 def _apart(problem: Problem, one: Floats, other: Floats) -> Floats:
-    """How far reports (P, T, C) differ, in standard deviations of the noise."""
+    """How far reports (P, T, C) differ from ``other`` ones, in standard deviations of the noise.
+
+    The simulator is wrong, too, by a share of how far the other vehicle goes: what drives far tells less.
+    """
     known = [name for name in MOTION if name in problem.sigma]
-    apart, angles = one - other, [name in ANGLES for name in known]
-    apart[..., angles] = least_turn(apart[..., angles])
-    return apart / np.array([problem.sigma[name] for name in known])
+    angles, sigma = [name in ANGLES for name in known], np.array([problem.sigma[name] for name in known])
+
+    def less(one: Floats, other: Floats) -> Floats:
+        apart = one - other
+        apart[..., angles] = least_turn(apart[..., angles])
+        return apart
+
+    return less(one, other) / np.hypot(sigma, FAULT_KNOWN * less(other, other[:, :1]))
