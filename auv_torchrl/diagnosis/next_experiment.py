@@ -153,7 +153,7 @@ def watch(problem: Problem, found: Found, thruster: int) -> NextExperiment | Non
     best, told = _farthest({name: _shows(problem, now, plan, thruster - 1) for name, plan in plans.items()})
     if not told > SHOWS:
         return None
-    return _planned(f"{best}: that shows what it gives at each command, whatever the others do", best, plans[best])
+    return _planned(f"{best} tells what it gives at each command, whatever the others do", best, plans[best])
 
 
 def _shows(problem: Problem, vehicle: Vehicle, commands: Floats, own: int) -> float:

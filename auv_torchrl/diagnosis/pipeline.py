@@ -30,12 +30,13 @@ from auv_torchrl.diagnosis.identify.detectable import detectable_sizes, hidden_m
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.found import Found
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, load_settings
-from auv_torchrl.diagnosis.identify.posterior import alternatives, effect_probabilities
+from auv_torchrl.diagnosis.identify.posterior import SOMETHING_UNKNOWN, alternatives, effect_probabilities
 from auv_torchrl.diagnosis.identify.search import Progress
 from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, spread, stretches_of
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
-from auv_torchrl.diagnosis.localize.moments import is_changing, unless_changing
+from auv_torchrl.diagnosis.localize.unlike import is_unlike, unless_unlike
+from auv_torchrl.diagnosis.localize.wording import does_otherwise
 from auv_torchrl.diagnosis.log_search import LogSearch, is_explained, judge, search_both_attitudes
 from auv_torchrl.diagnosis.named import cannot_tell, found_effects
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
@@ -175,6 +176,8 @@ def diagnose_answering(
         findings = (*findings, not_confirmed())
     gap = replace(gap, confirmed=confirmed)
     where = locate(problem, found, effects, verdict, searched.onset)
+    if verdict is Verdict.UNEXPLAINED and (does := does_otherwise(where)):
+        either = tuple(replace(one, besides=does) if one.besides == SOMETHING_UNKNOWN else one for one in either)
     summary = summarise(outcome, effects, where, gap, corrected.sentences, examined(problem))
     diagnosis = Diagnosis(
         log=printable(log.name),
@@ -235,8 +238,8 @@ def explain(
         corrected.prior,
     )  # fmt: skip
     found, own = searched.found, searched.found.problem.vehicle
-    changing = None if is_explained(found) else unless_changing(found)
-    found = changing or take_back(found, testing, given.settings)
+    unlike = None if is_explained(found) else unless_unlike(found)
+    found = unlike or take_back(found, testing, given.settings)
     sound = searched.sound.vehicle if searched.sound else None  # only what is new since then is a gap
     before = changed(given.vehicle if sound is None else sound, free=own.free)
     base = changed(corrected.vehicle if sound is None else sound, free=own.free)
@@ -254,7 +257,7 @@ def explain(
 
 
 def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Progress) -> Explained | None:
-    """One effect, none, or one changing thruster that explains a log with the file as it is; None where nothing does.
+    """One effect, none, or one thruster that explains a log with the file as it is; None where nothing does.
 
     A file that is off in many coefficients takes up a part of any fault, and no single cause explains what it does.
     """
@@ -262,11 +265,11 @@ def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Pro
     if training.duration > 2 * PIECES * PIECE_S:  # a file that is off shows in a part, in a fraction of the time
         part = spread(training, PIECES, PIECE_S)
         short = search_both_attitudes(part, given.vehicle, (), single.settings, report).found
-        if not (is_explained(short) or is_changing(short, given.settings)):
+        if not (is_explained(short) or is_unlike(short, given.settings)):
             return None
     explained = explain(training, testing, single, Correction(given.vehicle), report)
     if not is_explained(explained.found):
-        return explained if is_changing(explained.found, given.settings) else None
+        return explained if is_unlike(explained.found, given.settings) else None
     gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
     return explained if closes_everywhere(gap) else None
 

@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.configured import set_wrong, to_change
-from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares
+from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
+from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares, thrusts
 from auv_torchrl.diagnosis.report.dive import dive
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.wording import (
@@ -129,6 +130,8 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         set_wrong=set_wrong(diagnosis.findings, diagnosis.effects),
         to_change=to_change(diagnosis),
         leads=_leads(diagnosis),
+        thrusts=thrusts(diagnosis.where.thrust_map) if diagnosis.where.thrust_map else None,
+        does=seen_to_do(diagnosis.where) if diagnosis.effects else does_otherwise(diagnosis.where) if has_gap else "",
         next_best=next_best(diagnosis.decision),
         after=_after(diagnosis),
         diverged=diverged(diagnosis),
@@ -174,7 +177,8 @@ def _clear_axes(where: Where, effects: Iterable[FoundEffect]) -> list[str]:
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
-    facts = [("of the gap closed", percent(diagnosis.gap.closed))] if diagnosis.gap.closed is not None else []
+    closed = diagnosis.gap.closed if diagnosis.effects else None  # by what was named
+    facts = [("of the gap closed", percent(closed))] if closed is not None else []
     told = sorted((kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2]))
     for name, unit, errors in told[:1]:
         change = with_unit(f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)}", unit)
@@ -185,8 +189,6 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if faults:
         first = faults[0]
         facts.append((f"probability of {words(first.name)}", percent(first.probability)))
-    if diagnosis.input_mappable is not None and diagnosis.verdict is not Verdict.NO_GAP:
-        facts.append(("of the gap that remapping the commands could close", percent(diagnosis.input_mappable)))
     return facts
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from auv_torchrl.diagnosis.configured import set_wrong
-from auv_torchrl.diagnosis.summary import SUSPECT
+from auv_torchrl.diagnosis.localize.wording import does_otherwise
+from auv_torchrl.diagnosis.summary import SUSPECT, suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import (
     FLOOR_ASSUMED,
@@ -119,6 +120,11 @@ def to_do(diagnosis: Diagnosis) -> list[str]:
     if loose := diagnosis.where.intermittence:
         at = loose.thruster
         look.append(f"look at plug and wires of thruster {at}, at weed in its propeller, and at its speed controller")
+    elif unlike := _alone(diagnosis):
+        look.append(
+            f"look at the propeller and the wires of thruster {unlike}, and exchange its speed controller with that of "
+            "a neighbour: if the fault goes with the controller, replace it, else the motor"
+        )
     set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
     repair = (
         how_sure(advice.do, effect.probability)
@@ -132,11 +138,20 @@ def to_do(diagnosis: Diagnosis) -> list[str]:
     return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *fly)))
 
 
+def _alone(diagnosis: Diagnosis) -> int | None:
+    """The one thruster that was seen to push otherwise than commanded, where no effect is named."""
+    if measured := diagnosis.where.thrust_map:
+        return measured.thruster
+    if diagnosis.verdict is Verdict.UNEXPLAINED and does_otherwise(diagnosis.where):
+        return suspects(diagnosis.where)[0]
+    return None
+
+
 def _to_fly(experiment: NextExperiment) -> str:
     """The next experiment: by hand where a pilot can, why, and the file."""
     if not experiment.by_hand:
         return f"fly {experiment.commands}: {experiment.why}"
-    return f"{experiment.by_hand} ({experiment.commands} has the same as commands): {experiment.why}"
+    return f"{experiment.by_hand} (as commands in {experiment.commands}): {experiment.why}"
 
 
 def lacks_sound_dive(diagnosis: Diagnosis) -> bool:
