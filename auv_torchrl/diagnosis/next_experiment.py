@@ -51,10 +51,10 @@ def by_hand(name: str) -> str:
             f"in the motor test of the ground station run thruster {name.split()[2]} at {percent(SIZE)} for 1.5 s, "
             "rest 1.5 s, run it the other way for 1.5 s, rest 1.5 s; twice"
         )
-    if name.startswith("rising pulses of thruster "):
+    if name.startswith("a series of rising pulses of thruster "):
         sizes = ", ".join(percent(size) for size in SIZES)
         return (
-            f"in the motor test of the ground station run thruster {name.split()[4]} for {MOMENT_S:g} s forwards and "
+            f"in the motor test of the ground station run thruster {name.split()[7]} for {MOMENT_S:g} s forwards and "
             f"{MOMENT_S:g} s backwards, at {sizes} in turn"
         )
     if name.startswith("drift"):
@@ -80,7 +80,7 @@ def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
     found = {}
     for i in range(vehicle.thrusters):
         found[f"pulse thruster {i + 1} alone"] = pulse[:, None] * np.eye(vehicle.thrusters)[i]
-        found[f"rising pulses of thruster {i + 1} alone"] = rising[:, None] * np.eye(vehicle.thrusters)[i]
+        found[f"a series of rising pulses of thruster {i + 1} alone"] = rising[:, None] * np.eye(vehicle.thrusters)[i]
     mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)]
     chirp = SIZE * np.sin(2 * np.pi * (0.1 + 0.06 * t) * t)
     stairs = SIZE * np.sign(np.sin(2 * np.pi * t / 6)) * np.where(t < 6, 0.5, 1.0)
@@ -138,7 +138,7 @@ def separate(problem: Problem, one: tuple[str, Explanation], other: tuple[str, E
     if not distance > SEPARATES:
         return None
     names = " and ".join(f"“{name.replace('_', ' ')}”" for name, _ in (one, other))
-    return _planned(f"{best} tells {names} apart, by {distance:.0f} times the noise", best, plans[best])
+    return _planned(best, f"{names} apart, by {distance:.0f} times the noise", plans[best])
 
 
 def watch(problem: Problem, found: Found, thruster: int) -> NextExperiment | None:
@@ -153,7 +153,7 @@ def watch(problem: Problem, found: Found, thruster: int) -> NextExperiment | Non
     best, told = _farthest({name: _shows(problem, now, plan, thruster - 1) for name, plan in plans.items()})
     if not told > SHOWS:
         return None
-    return _planned(f"{best} tells what it gives at each command, whatever the others do", best, plans[best])
+    return _planned(best, f"what thruster {thruster} gives at each command, whatever the others do", plans[best])
 
 
 def _shows(problem: Problem, vehicle: Vehicle, commands: Floats, own: int) -> float:
@@ -190,17 +190,16 @@ def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:
     plan = next((name for name in (*suspected, *largest) if name in plans), None)
     if plan is None:
         return None
-    why = f"{plan}: the gap is largest there and no known effect explains it; alone, it shows what the gap follows"
-    return _planned(why, plan, plans[plan])
+    return _planned(plan, "what goes with it, where the gap is largest and no known effect explains it", plans[plan])
 
 
 def _called(explanation: Explanation) -> str:
     return " + ".join(explanation.effects) or "no effect"
 
 
-def _planned(why: str, name: str, commands: Floats) -> NextExperiment:
+def _planned(name: str, tells: str, commands: Floats) -> NextExperiment:
     t = CONTROL_DT * np.arange(len(commands), dtype=np.float64)
-    return NextExperiment(why, by_hand=by_hand(name), t=t, thruster_commands=commands)
+    return NextExperiment(f"{name} tells {tells}", by_hand=by_hand(name), tells=tells, t=t, thruster_commands=commands)
 
 
 def _farthest(distances: dict[str, float]) -> tuple[str, float]:

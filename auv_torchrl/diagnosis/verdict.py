@@ -235,6 +235,7 @@ class NextExperiment:
     why: str
     commands: str = "next_experiment.csv"  # file beside diagnosis.json
     by_hand: str = ""  # the same for a pilot
+    tells: str = ""  # what it is for, as the end of a clause
     t: Floats | None = field(default=None, compare=False)  # (T,) s; not in the file
     thruster_commands: Floats | None = field(default=None, compare=False)  # (T, n); not in the file
 

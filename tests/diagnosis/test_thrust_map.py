@@ -52,7 +52,7 @@ def test_a_stalling_thruster_is_said_in_words_with_what_to_look_at():
     assert diagnosis.verdict is Verdict.UNEXPLAINED and not diagnosis.effects
     assert diagnosis.headline.startswith(f"Thruster {thruster} gives nothing above")
     assert "speed controller with that of a neighbour" in to_do(diagnosis)[0] and diagnosis.next_experiment is not None
-    assert diagnosis.next_experiment.why.startswith(f"rising pulses of thruster {thruster} alone")
+    assert diagnosis.next_experiment.why.startswith(f"a series of rising pulses of thruster {thruster} alone")
 
 
 def test_slices_that_nothing_is_known_of_are_not_told():

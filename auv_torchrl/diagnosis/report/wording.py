@@ -26,6 +26,7 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
 
+LEAST_TOLD = 0.01  # probability below which nobody acts on an alternative
 SOUND_DIVE = (
     "record one dive on which the vehicle is sound and give it with --healthy FILE: it tells a fault from a vehicle "
     "file that is wrong"
@@ -151,7 +152,8 @@ def _to_fly(experiment: NextExperiment) -> str:
     """The next experiment: by hand where a pilot can, why, and the file."""
     if not experiment.by_hand:
         return f"fly {experiment.commands}: {experiment.why}"
-    return f"{experiment.by_hand} (as commands in {experiment.commands}): {experiment.why}"
+    why = f"this tells {experiment.tells}" if experiment.tells else experiment.why
+    return f"{experiment.by_hand} (as commands in {experiment.commands}): {why}"
 
 
 def lacks_sound_dive(diagnosis: Diagnosis) -> bool:
@@ -205,3 +207,8 @@ def either(diagnosis: Diagnosis) -> dict[str, float]:
     for one in diagnosis.alternatives:
         found[one.called] = found.get(one.called, 0.0) + one.probability
     return found
+
+
+def told_apart(diagnosis: Diagnosis) -> dict[str, float]:
+    """The same, those that are worth a line."""
+    return {what: probability for what, probability in either(diagnosis).items() if probability >= LEAST_TOLD}
