@@ -5,6 +5,7 @@ from auv_torchrl.diagnosis.verdict import FoundEffect, Gap, Verdict, Where
 from auv_torchrl.effects import Origin
 
 NEAR_FLOOR = 1.5  # times the floor, below which a prediction is as good as the sensors allow
+WORTH_A_WORD = 0.01  # probability below which nobody acts on an effect
 MAINLY = 0.5  # share of the gap
 SUSPECT = 0.3  # share of the gap, from which a thruster, or a cause that is perhaps there, is worth a look
 SOUND = "No gap: the simulator predicts this vehicle as well as its sensors allow."
@@ -36,8 +37,9 @@ def summarise(
     if verdict is Verdict.NO_GAP and not effects:
         said = SOUND if within_floor(gap) else SLACK
         return said.replace(":", f" in {', '.join(examined)}:", 1) if examined else said
+    told = [effect for effect in effects if effect.probability >= WORTH_A_WORD]
     named, perhaps = (
-        "; ".join(effect.told for effect in effects if not effect.calibrates and effect.is_likely is likely)
+        "; ".join(effect.told for effect in told if not effect.calibrates and effect.is_likely is likely)
         for likely in (True, False)
     )
     corrections = [effect for effect in effects if effect.calibrates]

@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
 
 from auv_torchrl.diagnosis.verdict import Slice, ThrustMap, Where
 from auv_torchrl.quantities import percent
 
-ALL, NOTHING, OTHER = "all", "nothing", "other"
-NEAR = 0.2  # of the thrust, by which what a slice gives is off where it is told as all of it, or as nothing
+NEAR = 0.2  # of the thrust, by half of which slices are off on average where they are told as all of it, or nothing
 KNOWN = 0.4  # half of the interval of a share, above which a slice tells nothing
 ALONE = 0.99  # of what goes with the commands, from which one thruster is all that stands out
 PUSHES = 0.01  # of the full thrust: what is less at rest moves no vehicle
@@ -34,7 +32,7 @@ def said_of_map(measured: ThrustMap) -> str:
     known = [one for one in measured.slices if (one.most - one.least) / 2 < KNOWN]
     rests = measured.at_rest_least <= 0 <= measured.at_rest_most or abs(measured.at_rest) < PUSHES
     name, way = f"thruster {measured.thruster}", "forwards" if measured.at_rest > 0 else "backwards"
-    dead = all(_kind(one) == NOTHING for one in known)
+    dead = _off(known, 0.0) < NEAR / 2
     if dead and not rests:
         return f"{name} pushes {way} with {percent(abs(measured.at_rest))} of its thrust, whatever is commanded"
     if not rests:
@@ -49,30 +47,33 @@ def said_of_map(measured: ThrustMap) -> str:
     return f"{name} gives {' and '.join(each)}" if each else f"{name} pushes otherwise than commanded"
 
 
-def _kind(one: Slice) -> str:
-    off = max(NEAR, (one.most - one.least) / 2)
-    return NOTHING if abs(one.share) < off else ALL if abs(one.share - 1) < off else OTHER
+def _off(slices: Sequence[Slice], share: float) -> float:
+    """How far slices are off a share on average, beyond what their intervals leave open; 0 of none."""
+    beyond = [max(0.0, abs(one.share - share) - (one.most - one.least) / 2) for one in slices]
+    return sum(beyond) / max(len(beyond), 1)
 
 
 def _departs(slices: Sequence[Slice]) -> tuple[str, float] | None:
     """What a thruster gives one way where that is not all of its thrust, and a number that goes with it; or None."""
     ordered = sorted(slices, key=lambda one: abs(one.low + one.high))
-    runs = [(kind, list(some)) for kind, some in groupby(ordered, key=_kind)]
-    if all(kind == ALL for kind, _ in runs):
+    if _off(ordered, 1.0) < NEAR / 2:
         return None
-    if len(runs) == 1 and runs[0][0] == NOTHING:
+    if _off(ordered, 0.0) < NEAR / 2:
         return "nothing", 0.0
-    if len(runs) == 3 and runs[1][0] == OTHER and len(runs[1][1]) == 1:  # the edge lies in one slice
-        one = runs[1][1][0]
-        near, far = sorted((abs(one.low), abs(one.high)))
-        share = min(max(one.share if runs[0][0] == ALL else 1 - one.share, 0.0), 1.0)
-        runs = [runs[0], runs[2]]
-        edge = near + share * (far - near)
-    else:
-        edge = min(abs(runs[-1][1][0].low), abs(runs[-1][1][0].high))
-    if len(runs) == 2 and {runs[0][0], runs[1][0]} == {ALL, NOTHING}:
-        return ("nothing above" if runs[0][0] == ALL else "nothing below"), edge
-    return "about", sum(one.share for one in ordered) / len(ordered)
+    steps = [(*_step(ordered, k, large), k) for k in range(1, len(ordered) - 1) for large in (0.0, 1.0)]
+    off, large, k = min(steps, default=(NEAR, 0.0, 0))
+    if not off < NEAR / 2:
+        return "about", sum(one.share for one in ordered) / len(ordered)
+    near, far = sorted((abs(ordered[k].low), abs(ordered[k].high)))
+    share = min(max(ordered[k].share, 0.0), 1.0)
+    edge = near + (far - near) * (share if large == 0.0 else 1 - share)
+    return ("nothing above" if large == 0.0 else "nothing below"), edge
+
+
+def _step(ordered: Sequence[Slice], k: int, large: float) -> tuple[float, float]:
+    """How far slices are off a step within slice ``k``, to a share of ``large`` at large commands; and that share."""
+    small, beyond = ordered[:k], ordered[k + 1 :]
+    return (_off(small, 1 - large) * len(small) + _off(beyond, large) * len(beyond)) / (len(ordered) - 1), large
 
 
 def _said(what: str, much: float) -> str:

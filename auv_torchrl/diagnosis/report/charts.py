@@ -146,14 +146,12 @@ def thrusts(measured: ThrustMap) -> Markup:
     def down(share: float) -> float:
         return _HEIGHT - _BOTTOM - (min(max(share, low), high) - low) / (high - low) * (_HEIGHT - _TOP - _BOTTOM)
 
-    parts = [text(_LEFT, 13, f"thrust of thruster {measured.thruster}, by its command", "title")]
+    parts = [text(_LEFT, 13, "share of its thrust, by command", "title")]
     for share in (0.0, 0.5, 1.0, 1.5):
         y = down(share)
         parts += [line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"), text(_LEFT - 5, y + 3.5, percent(share), "tick", "end")]
     for command, said, anchor in ((-1.0, "full back", "start"), (0.0, "0", "middle"), (1.0, "full ahead", "end")):
         parts.append(text(across(command), _HEIGHT - 8, said, "tick", anchor))
-    for command in (-0.5, 0.5):
-        parts.append(text(across(command), _HEIGHT - 8, percent(abs(command)), "tick", "middle"))
     parts.append(polyline([across(-1.0), across(1.0)], [down(1.0)] * 2, "curve before"))
     for one in measured.slices:
         left, right, top, bottom = across(one.low), across(one.high), down(one.most), down(one.least)
