@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.configured import set_wrong, to_change
+from auv_torchrl.diagnosis.headline import CALLED
 from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares, thrusts
 from auv_torchrl.diagnosis.report.dive import dive
@@ -50,7 +51,7 @@ LOOKS_LIKE = {
     Origin.EXTERNAL: "place, heading or time: tether, waves, contact, compass",
     Origin.SENSING: "the sensors: delay, bias, noise",
 }
-LOCATED = "found, but none of the known effects"
+LOCATED = "found at one thruster"
 _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
 _GLYPH = {
     Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○",
@@ -113,7 +114,8 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     likely = [effect for effect in diagnosis.effects if effect.is_likely]  # no red for what is likelier sound
     thrusters = sorted({i for effect in likely for i in effect.thrusters})
     has_gap = diagnosis.verdict is not Verdict.NO_GAP
-    axes = _clear_axes(diagnosis.where, likely) if has_gap and not thrusters else []
+    shows = has_gap and diagnosis.verdict is not Verdict.CANNOT_TELL  # a channel that does not answer shows no gap
+    axes = _clear_axes(diagnosis.where, likely) if shows and not thrusters else []
     suspected = suspects(diagnosis.where) if has_gap and not likely else []
     marked = [_numbered(thrusters)] if thrusters else []
     marked += [f"{', '.join(axes)}, where the gap shows"] if axes else []
@@ -194,7 +196,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     faults = [effect for effect in diagnosis.effects if not effect.calibrates]
     if faults:
         first = faults[0]
-        facts.append((f"probability of {words(first.name)}", percent(first.probability)))
+        facts.append((f"probability of {CALLED.get(first.name, words(first.name))}", percent(first.probability)))
     return facts
 
 

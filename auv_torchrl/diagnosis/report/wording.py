@@ -133,7 +133,8 @@ def to_do(diagnosis: Diagnosis) -> list[str]:
         for advice in effect.advice
         if effect.is_likely or (effect.gap_closed or 0.0) > SUSPECT
     )
-    sound = [SOUND_DIVE] if lacks_sound_dive(diagnosis) else []
+    found = bool(diagnosis.where.intermittence or _alone(diagnosis))
+    sound = [SOUND_DIVE] if lacks_sound_dive(diagnosis) and not found else []
     experiment = diagnosis.next_experiment
     fly = [_to_fly(experiment)] if experiment else []
     return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *fly)))
