@@ -10,6 +10,7 @@ from auv_torchrl.quantities import counted, words
 MOST_WORDS = 15  # what is read at a glance
 FILE_OFF = "the vehicle's file is off in many coefficients at once"
 FILE_MAY_BE_OFF = "the vehicle's file may be off"
+LOG_OR_FILE = "the log or the vehicle's file is off; one sound dive would tell which"
 # Effects whose names are no words of owners
 CALLED = {
     "thruster_swap": "exchanged plugs",
@@ -30,7 +31,8 @@ def headline_of(diagnosis: Diagnosis) -> str:
     if unanswered:
         return _sentence(stands_still(unanswered), *likely)
     if diagnosis.verdict is not Verdict.NO_GAP and doubts(diagnosis.findings):
-        return _sentence("the log itself is in doubt", *likely)
+        either = any(effect.calibrates for effect in found) and not likely
+        return _sentence(LOG_OR_FILE if either else "the log itself is in doubt", *likely)
     if diagnosis.verdict is Verdict.NO_GAP:
         return _sentence(*(likely or [_sound(diagnosis)]))
     does = seen_to_do(diagnosis.where)

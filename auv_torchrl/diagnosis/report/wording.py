@@ -127,17 +127,20 @@ def to_do(diagnosis: Diagnosis) -> list[str]:
             "a neighbour: if the fault goes with the controller, replace it, else the motor"
         )
     set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
-    repair = (
-        how_sure(advice.do, effect.probability)
-        for effect in sorted(diagnosis.effects, key=lambda one: not one.is_likely)
-        for advice in effect.advice
-        if effect.is_likely or (effect.gap_closed or 0.0) > SUSPECT
+    repair, perhaps = (
+        [
+            how_sure(advice.do, effect.probability)
+            for effect in diagnosis.effects
+            for advice in effect.advice
+            if effect.is_likely is likely and (likely or (effect.gap_closed or 0.0) > SUSPECT)
+        ]
+        for likely in (True, False)
     )
     found = bool(diagnosis.where.intermittence or _alone(diagnosis))
     sound = [SOUND_DIVE] if lacks_sound_dive(diagnosis) and not found else []
     experiment = diagnosis.next_experiment
     fly = [_to_fly(experiment)] if experiment else []
-    return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *fly)))
+    return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *perhaps, *fly)))
 
 
 def _alone(diagnosis: Diagnosis) -> int | None:
