@@ -11,12 +11,6 @@ MOST_WORDS = 15  # what is read at a glance
 FILE_OFF = "the vehicle's file is off in many coefficients at once"
 FILE_MAY_BE_OFF = "the vehicle's file may be off"
 LOG_OR_FILE = "the log or the vehicle's file is off; one sound dive would tell which"
-# Effects whose names are no words of owners
-CALLED = {
-    "thruster_swap": "exchanged plugs",
-    "thruster_gain": "wrong thrust",
-    "thruster_misalignment": "bent mounting",
-}
 UNKNOWN = "something unknown acts"
 
 
@@ -58,7 +52,7 @@ def _short(effect: FoundEffect) -> str:
         if ";" not in told and _count(told) <= MOST_WORDS:
             return told
     numbers = ", ".join(map(str, effect.thrusters))
-    name = CALLED.get(effect.name, words(effect.name))
+    name = words(effect.name)
     where = f" of {counted(len(effect.thrusters), 'thruster')}: {numbers}" if numbers else ""
     told = how_sure(f"{name}{where}", effect.probability)
     return told if _count(told) <= MOST_WORDS else how_sure(name, effect.probability)

@@ -10,7 +10,6 @@ from markupsafe import Markup
 
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.configured import set_wrong, to_change
-from auv_torchrl.diagnosis.headline import CALLED
 from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares, thrusts
 from auv_torchrl.diagnosis.report.dive import dive
@@ -196,7 +195,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     faults = [effect for effect in diagnosis.effects if not effect.calibrates]
     if faults:
         first = faults[0]
-        facts.append((f"probability of {CALLED.get(first.name, words(first.name))}", percent(first.probability)))
+        facts.append((f"probability of {words(first.name)}", percent(first.probability)))
     return facts
 
 
