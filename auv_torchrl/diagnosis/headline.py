@@ -1,7 +1,8 @@
 """The verdict in at most :data:`MOST_WORDS` words: what stands above all else on console and page."""
 
 from auv_torchrl.diagnosis.doubt import doubts
-from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, comes_and_goes, suspects, within_floor
+from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
+from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, suspects, within_floor
 from auv_torchrl.diagnosis.unanswered.wording import not_answering, stands_still
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, how_sure
 from auv_torchrl.quantities import counted, words
@@ -9,6 +10,7 @@ from auv_torchrl.quantities import counted, words
 MOST_WORDS = 15  # what is read at a glance
 FILE_OFF = "the vehicle's file is off in many coefficients at once"
 FILE_MAY_BE_OFF = "the vehicle's file may be off"
+LOG_OR_FILE = "the log or the vehicle's file is off; one sound dive would tell which"
 UNKNOWN = "something unknown acts"
 
 
@@ -23,20 +25,21 @@ def headline_of(diagnosis: Diagnosis) -> str:
     if unanswered:
         return _sentence(stands_still(unanswered), *likely)
     if diagnosis.verdict is not Verdict.NO_GAP and doubts(diagnosis.findings):
-        return _sentence("the log itself is in doubt", *likely)
+        either = any(effect.calibrates for effect in found) and not likely
+        return _sentence(LOG_OR_FILE if either else "the log itself is in doubt", *likely)
     if diagnosis.verdict is Verdict.NO_GAP:
         return _sentence(*(likely or [_sound(diagnosis)]))
-    comes = comes_and_goes(diagnosis.where)
-    if diagnosis.verdict is Verdict.UNEXPLAINED and comes:
-        return _sentence(comes, "its cause is not known")
+    does = seen_to_do(diagnosis.where)
+    if diagnosis.verdict is Verdict.UNEXPLAINED and (alone := does_otherwise(diagnosis.where)):
+        return _sentence(alone, "" if diagnosis.where.thrust_map else "its cause is not known")
     if diagnosis.verdict is Verdict.UNEXPLAINED:
         return _sentence(f"no known effect explains what the simulator misses{_where(diagnosis.where)}")
     file = [effect for effect in found if effect.calibrates]
     off = [FILE_OFF if any(effect.is_likely for effect in file) else FILE_MAY_BE_OFF] if file else []
     if diagnosis.verdict is Verdict.PARTLY_EXPLAINED:
         if likely:
-            return _sentence(*likely, comes or f"{UNKNOWN} too", *off)
-        return _sentence(*off, comes or f"{UNKNOWN}{_where(diagnosis.where)}", *perhaps)
+            return _sentence(*likely, does or f"{UNKNOWN} too", *off)
+        return _sentence(*off, does or f"{UNKNOWN}{_where(diagnosis.where)}", *perhaps)
     return _sentence(*likely, *off, *perhaps)
 
 

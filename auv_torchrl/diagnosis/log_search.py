@@ -20,6 +20,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Found, Progress, search
+from auv_torchrl.diagnosis.localize.unlike import evidence_of_unlike
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict
@@ -70,13 +71,13 @@ def search_log(
     onset = seen.onset if seen else find_onset(problem, follow)
     problem.freedoms.clear()  # of what led here; a search of some windows would keep those of all
     if onset is None:
-        found = search(problem, follow, report, begin)
+        found = search(problem, follow, report, begin, unknown=evidence_of_unlike)
         return LogSearch(_search_along(problem, found, report), sound)
     plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
     measured = problem.known if known is left else known
     del problem, follow  # the whole log would fill the memory beside the part
     behind, its_follow = follow_agreeing(Problem.of(plain.windows.subset(onset.behind), own, settings, measured))
-    found = search(behind, its_follow, report, begin)
+    found = search(behind, its_follow, report, begin, unknown=evidence_of_unlike)
     if seen or is_absent(plain, onset, found.best.explanation, own, settings):
         del plain
         return LogSearch(_search_along(behind, found, report), sound, onset)

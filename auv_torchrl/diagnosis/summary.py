@@ -1,10 +1,11 @@
 """The verdict in one sentence for a pilot."""
 
+from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
 from auv_torchrl.diagnosis.verdict import FoundEffect, Gap, Verdict, Where
 from auv_torchrl.effects import Origin
-from auv_torchrl.quantities import percent
 
 NEAR_FLOOR = 1.5  # times the floor, below which a prediction is as good as the sensors allow
+WORTH_A_WORD = 0.01  # probability below which nobody acts on an effect
 MAINLY = 0.5  # share of the gap
 SUSPECT = 0.3  # share of the gap, from which a thruster, or a cause that is perhaps there, is worth a look
 SOUND = "No gap: the simulator predicts this vehicle as well as its sensors allow."
@@ -36,8 +37,9 @@ def summarise(
     if verdict is Verdict.NO_GAP and not effects:
         said = SOUND if within_floor(gap) else SLACK
         return said.replace(":", f" in {', '.join(examined)}:", 1) if examined else said
+    worth = [effect for effect in effects if effect.probability >= WORTH_A_WORD]
     named, perhaps = (
-        "; ".join(effect.clause for effect in effects if not effect.calibrates and effect.is_likely is likely)
+        "; ".join(effect.clause for effect in worth if not effect.calibrates and effect.is_likely is likely)
         for likely in (True, False)
     )
     corrections = [effect for effect in effects if effect.calibrates]
@@ -46,8 +48,9 @@ def summarise(
     if corrections:
         file = "; above all, ".join(("the vehicle's file is off in many coefficients at once", *corrected[:1]))
         named = f"{named}; besides, {file}" if named else file
-    if verdict is Verdict.UNEXPLAINED and (comes := comes_and_goes(where)):
-        return _begun(f"{comes}, and else all of its thrust; no known effect explains that")
+    if verdict is Verdict.UNEXPLAINED and (does := does_otherwise(where)):
+        else_all = ", and else all of its thrust" if where.intermittence else ""
+        return _begun(f"{does}{else_all}; no known effect does that")
     if verdict is Verdict.UNEXPLAINED:
         return f"The simulator misses this vehicle{mainly(where)}, and no known effect explains it."
     closed = "" if gap.closed is None else f"{100 * gap.closed:.0f} % of the gap"
@@ -75,15 +78,9 @@ def mainly(where: Where) -> str:
         goes_with = "the commands"
     if goes_with:
         parts.append(f", in step with {goes_with}")
-    if comes := comes_and_goes(where):
-        parts.append(f": {comes}")
+    if does := seen_to_do(where):
+        parts.append(f": {does}")
     return "".join(parts)
-
-
-def comes_and_goes(where: Where) -> str:
-    """The clause about a thruster that gives all of its thrust or nothing; empty where there is none."""
-    one = where.intermittence
-    return f"thruster {one.thruster} gives nothing for {percent(one.share)} of the time" if one else ""
 
 
 def suspects(where: Where) -> list[int]:

@@ -109,6 +109,28 @@ class Intermittence:
 
 
 @dataclass(frozen=True)
+class Slice:
+    """What a thruster gives of its thrust while its command lies between two, of the full command."""
+
+    low: float
+    high: float
+    share: float  # 1 is what it should, 0 nothing
+    least: float  # 95 % interval
+    most: float
+
+
+@dataclass(frozen=True)
+class ThrustMap:
+    """The measured map of a thruster that does what no effect of the library does: it gives the same at one command."""
+
+    thruster: int  # from 1
+    slices: tuple[Slice, ...]  # in the order of their commands, where the log has some
+    at_rest: float  # of the full thrust, besides
+    at_rest_least: float  # 95 % interval
+    at_rest_most: float
+
+
+@dataclass(frozen=True)
 class Where:
     """Where the gap lies; each mapping sums to 1 or is empty."""
 
@@ -117,6 +139,7 @@ class Where:
     thruster: dict[str, float] = field(default_factory=dict)  # by number, "1" is the first
     regime: tuple[Regime, ...] = ()
     intermittence: Intermittence | None = None
+    thrust_map: ThrustMap | None = None
     onset_s: float | None = None  # s into the log, where the vehicle changes during it
     onset_episode: int | None = None  # number of the episode in which it does
     onset_in_episode_s: float | None = None  # s since the start of that episode
@@ -223,7 +246,7 @@ class Hypothesis:
     @property
     def simulated(self) -> bool:
         """Whether it was fitted by full simulation."""
-        return self.outcome is not Outcome.PREDICTED
+        return self.outcome not in (Outcome.PREDICTED, Outcome.OUTDONE)
 
 
 @dataclass(frozen=True)
@@ -252,6 +275,7 @@ class NextExperiment:
     why: str
     commands: str = "next_experiment.csv"  # file beside diagnosis.json
     by_hand: str = ""  # the same for a pilot
+    tells: str = ""  # what it is for, as the end of a clause
     t: Floats | None = field(default=None, compare=False)  # (T,) s; not in the file
     thruster_commands: Floats | None = field(default=None, compare=False)  # (T, n); not in the file
 

@@ -15,6 +15,7 @@ from dm_control import mjcf
 from auv_torchrl.array_api import host
 from auv_torchrl.physics import SUBSTEPS
 from auv_torchrl.physics.coefficients import total_mass_matrix
+from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle
 
 HULL = (0.23, 0.17, 0.13)  # m, half sizes of the BlueROV2's frame (Blue Robotics drawing)
@@ -39,8 +40,8 @@ def compiled(model: Any) -> Any:
             raise
         count = len(model.find_all("joint"))
         raise ValueError(
-            f"fleet: {count} vehicles are more than one MuJoCo model holds: give fewer, or backend=torch, which "
-            "has the same physics for any number"
+            f"fleet: {counted(count, 'vehicle')} are more than one MuJoCo model holds: give fewer, or backend=torch, "
+            "which has the same physics for any number"
         ) from error
 
 

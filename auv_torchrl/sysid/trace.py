@@ -18,7 +18,11 @@ class Outcome(Enum):
     FEWER = "kept on the way: the log does not pay for what was taken away"
     REFUTED = "taken back: held-out flight is predicted no worse without it"
     CHANGING = "dropped: a part that gives now more and now less explains the log better"
+    OUTDONE = "not simulated: a part that gives now more and now less explains the log better"
     PREDICTED = "not simulated: the linear prediction promises too little"
+
+
+OUT = frozenset((Outcome.REFUTED, Outcome.CHANGING, Outcome.OUTDONE))  # what has no share in the probabilities
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class Record:
     @property
     def simulated(self) -> bool:
         """Whether the hypothesis was fitted by full simulation."""
-        return self.outcome is not Outcome.PREDICTED
+        return self.outcome not in (Outcome.PREDICTED, Outcome.OUTDONE)
 
     @property
     def called(self) -> str:
@@ -71,11 +75,11 @@ class SearchTrace:
     def best_of_each(self) -> dict[tuple[str, ...], float]:
         """The highest log posterior by hypothesis; one that was tried from several values counts once.
 
-        A hypothesis that held-out flight refuted does not count.
+        A hypothesis that held-out flight refuted does not count, nor one that a part that changes explains better.
         """
         best: dict[tuple[str, ...], float] = {}
         for record in self.records:
-            if np.isfinite(record.log_posterior) and record.outcome is not Outcome.REFUTED:
+            if np.isfinite(record.log_posterior) and record.outcome not in OUT:
                 best[record.names] = max(record.log_posterior, best.get(record.names, -np.inf))
         return best
 
@@ -128,8 +132,8 @@ class SearchTrace:
         where = f"beside {' + '.join(beside)}" if beside else "alone"
         if not np.isfinite(behind):
             return f"{where} its simulation diverges"
-        if nearest.outcome is Outcome.SMALL:
-            return f"{where} it was {Outcome.SMALL.value}"
+        if nearest.outcome in (Outcome.SMALL, Outcome.CHANGING, Outcome.OUTDONE):
+            return f"{where} it was {nearest.outcome.value}"
         how = "simulated" if nearest.simulated else "by linear prediction"
         return f"{where} it is {abs(behind):.1f} log units {'behind' if behind >= 0 else 'ahead'}, {how}"
 

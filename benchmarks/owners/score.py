@@ -72,7 +72,10 @@ def _is_of_a_sensor(effect: str) -> bool:
 def _names_the_thruster(
     label: Mapping[str, Any], diagnosis: Mapping[str, Any], claims: Sequence[Mapping[str, Any]], vehicle: Vehicle
 ) -> bool:
-    """Whether all that is named as a fact is at the thruster, or at one that was declared exchangeable with it."""
+    """Whether all that is named as a fact is at the thruster, or at one that was declared exchangeable with it.
+
+    What no effect of the library does is named in words, from the measured map of the thruster.
+    """
     mine, declared = frozenset((label["drawn"]["thruster"],)), declared_groups(diagnosis)
     faults = [effect for effect in claims if not effect["calibrates"]]
 
@@ -80,7 +83,8 @@ def _names_the_thruster(
         at = frozenset(effect["thrusters"])
         return at == mine or mine in exchangeable(effect["name"], at, declared, vehicle)
 
-    return bool(faults) and all(is_mine(effect) for effect in faults)
+    said = ((diagnosis["where"] or {}).get("thrust_map") or {}).get("thruster") == label["drawn"]["thruster"]
+    return (bool(faults) or said) and all(is_mine(effect) for effect in faults)
 
 
 def _holds_share(label: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> bool:

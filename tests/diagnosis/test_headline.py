@@ -78,6 +78,15 @@ def test_what_does_not_answer_is_the_headline():
     assert headline == "Depth does not answer to any command."
 
 
+def test_a_log_that_may_as_well_have_a_wrong_file_asks_for_a_sound_dive_first():
+    """Where the log is in doubt and corrections of the file are all that was found, one sound dive tells the two."""
+    assumed = Finding(Severity.INFO, FLOOR_ASSUMED, "no healthy flight", "")
+    file = replace(EXAMPLE.effects[0], calibrates=True, probability=0.5, gap_closed=0.9)
+    said = replace(EXAMPLE, verdict=Verdict.PARTLY_EXPLAINED, effects=(file,), findings=(DOUBT, assumed))
+    assert headline_of(said) == "The log or the vehicle's file is off; one sound dive would tell which."
+    assert to_do(said)[0].startswith("Record one dive on which the vehicle is sound")
+
+
 def test_what_explains_a_part_only_says_that_more_acts():
     """The cause and the unknown are both in the headline."""
     headline = headline_of(replace(EXAMPLE, verdict=Verdict.PARTLY_EXPLAINED))

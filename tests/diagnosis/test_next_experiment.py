@@ -69,6 +69,17 @@ def test_a_swap_names_no_other_swap_that_merely_shares_a_thruster(responded):
     assert choose_experiment(problem, found(responded, *terms), Verdict.EXPLAINED, Where()) is None
 
 
+def test_a_thruster_that_gives_what_it_likes_is_run_alone_not_told_from_what_was_dropped(responded):
+    """Beside an explanation that fitted better and was dropped, the thruster that was located is what is in doubt."""
+    nothing = found(responded)
+    nothing.fits.append(SimpleNamespace(explanation=Explanation((Term("drift", ("x",), 1.0),)), evidence=500.0))
+    for thruster in (1, 4, 6):
+        plan = choose_experiment(responded[0], nothing, Verdict.UNEXPLAINED, Where(thruster={str(thruster): 1.0}))
+        assert plan is not None and plan.why.startswith(f"a series of rising pulses of thruster {thruster} alone")
+        assert f"run thruster {thruster} for 1.5 s forwards and 1.5 s backwards, at 20" in plan.by_hand
+    assert choose_experiment(responded[0], nothing, Verdict.EXPLAINED, Where()) is None
+
+
 @pytest.mark.parametrize(
     ("where", "plan"),
     [

@@ -56,6 +56,7 @@ class Neighbourhood:
     best: Fit
     here: float  # its log posterior
     is_known: Callable[[Proposal[Neighbour]], bool]  # whether a proposal was fitted before, and promises no more
+    unknown: float = -np.inf  # log posterior of something unknown, which effects must promise more than
 
     @property
     def doubt(self) -> float:
@@ -85,13 +86,20 @@ class Neighbourhood:
             if not self.is_known(proposal):
                 promised[proposal.what.key] = proposal
         ranked = sorted(promised.values(), key=promise, reverse=True)
-        least = self.here - self.doubt
+        least = max(self.here, self.unknown) - self.doubt
         likely = [one for one in ranked if promise(one) > least]
         if leaves_much(problem, self.best) and len(likely) > SIMULATED:
             likely = [*self._fitted_along(likely[:FITTED_ALONG]), *likely[FITTED_ALONG:]]
         chosen = [one.what.key for one in likely[:SIMULATED]]
-        rest = [one for one in ranked if one.what.key not in chosen]
-        return [*likely[:SIMULATED], *(replace(one, simulate=False) for one in rest)]
+        rest = [self._left_out(one) for one in ranked if one.what.key not in chosen]
+        return [*likely[:SIMULATED], *rest]
+
+    def _left_out(self, one: Proposal[Neighbour]) -> Proposal[Neighbour]:
+        """A proposal that is not simulated, and whether it is for the sake of something unknown."""
+        outdone = self.here - self.doubt < promise(one) <= self.unknown - self.doubt
+        return replace(
+            one, simulate=False, promised=replace(one.promised, outcome=Outcome.OUTDONE) if outdone else one.promised
+        )
 
     def _plugged(self, field: Field) -> list[Proposal[Neighbour]]:
         """With all plugs where the measured motion has them; none where the best fit leaves little."""

@@ -84,10 +84,21 @@ class Found:
 
 
 Progress = Callable[[str, float], None]
+Unknown = Callable[[Problem, WindowPath], float]  # log evidence of something unknown along a measured motion
+
+
+def nothing_unknown(problem: Problem, follow: WindowPath) -> float:
+    """That nothing but effects may explain a log."""
+    return -np.inf
 
 
 def search(
-    problem: Problem, follow: WindowPath, progress: Progress, begin: Sequence[Explanation] = (), further: bool = True
+    problem: Problem,
+    follow: WindowPath,
+    progress: Progress,
+    begin: Sequence[Explanation] = (),
+    further: bool = True,
+    unknown: Unknown = nothing_unknown,
 ) -> Found:
     """The explanation with the highest posterior, and all that were tried on the way to it.
 
@@ -99,16 +110,18 @@ def search(
         progress: called with each step in words and the share of the work behind it.
         begin: explanations that are simulated first.
         further: whether effects are added and exchanged, too.
+        unknown: what effects that are added must promise more than.
     """
     if len(problem.windows) <= MANY_WINDOWS:
-        return _EffectSearch(problem, follow, progress).run(begin, further)
+        return _EffectSearch(problem, follow, progress, unknown(problem, follow)).run(begin, further)
     rows = np.linspace(0, len(problem.windows) - 1, SEARCHED_WINDOWS).astype(int)
     few = Problem.of(problem.given.subset(rows), problem.vehicle, problem.settings, problem.known)
-    found = _EffectSearch(*follow_agreeing(few), progress).run(begin, further)
+    few, its_follow = follow_agreeing(few)
+    found = _EffectSearch(few, its_follow, progress, unknown(few, its_follow)).run(begin, further)
     ranked = [found.best, *(one for one in found.fits if one is not found.best)]
     chosen = [one.explanation for one in ranked if one.explanation.effects][: 1 + REFITTED]
     trace = found.trace  # that of the search among some windows, where all effects were tried
-    del few, found, ranked  # beside all windows they would fill the memory
+    del few, its_follow, found, ranked  # beside all windows they would fill the memory
     whole = _EffectSearch(problem, follow, progress).run(chosen, further=False)
     names, trace = whole.trace.best.names, trace.weighed_again(whole.trace)
     if names == trace.best.names:
@@ -120,8 +133,9 @@ def search(
 class _EffectSearch(Search[Neighbour, Fit]):
     """A search for effects on its way."""
 
-    def __init__(self, problem: Problem, follow: WindowPath, progress: Progress) -> None:
+    def __init__(self, problem: Problem, follow: WindowPath, progress: Progress, unknown: float = -np.inf) -> None:
         super().__init__()
+        self._unknown = unknown
         self._problem, self._follow, self._progress = problem, follow, progress
         self._tried: dict[Key, list[float]] = {}  # log posteriors of the fits of each explanation
         self._field = Field.of(problem, follow)
@@ -144,7 +158,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
         if not best.explanation.effects and not best.explanation.nuisance:  # nothing else kept what it promised
             fitted = fit_by_simulation(self._problem, Explanation(), self._follow)
             self.exchange(best, fitted := rescued(self._problem, fitted, self._follow))
-            best = self.climb(self.settle(fitted))
+            outdone = any(record.outcome is Outcome.OUTDONE for record in self.records)
+            best = self.settle(fitted) if outdone else self.climb(self.settle(fitted))
         best = self._without_small(self._named_plainly(best))
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
@@ -159,7 +174,11 @@ class _EffectSearch(Search[Neighbour, Fit]):
         for place, one in enumerate(self.fits):  # slopes of what is far behind would fill the memory
             if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
                 self.fits[place] = one.set_aside()
-        around = Neighbourhood(self._problem, self._follow, self._field, best, self.posterior(best), self._is_known)
+        here = self.posterior(best)
+        # No effect leaves less along the measured motion than where it is simulated, and effects that explain the same.
+        along = best.evidence if best.explanation.effects else self._field.none().evidence
+        unknown = here + self._unknown - along
+        around = Neighbourhood(self._problem, self._follow, self._field, best, here, self._is_known, unknown)
         return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
 
     def fit(self, proposal: Proposal[Neighbour], best: Fit) -> Fit:

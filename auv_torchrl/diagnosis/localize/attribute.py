@@ -122,7 +122,7 @@ def input_mappable(problem: Problem, follow: WindowPath) -> float | None:
     forces = np.zeros((len(windows), inputs.shape[-1] * len(layout.dof), windows.steps, 6))
     for column, (j, d) in enumerate(np.ndindex(inputs.shape[-1], len(layout.dof))):
         forces[:, column, :, layout.dof[d]] = inputs[..., j]
-    (q,) = _quadratics(problem, follow, forces, [problem.followed])
+    (q,) = quadratics(problem, follow, forces, [problem.followed])
     if q.constant <= NOTHING_TO_MAP * q.numbers:
         return None
     best = q.constant - float(q.b @ np.linalg.lstsq(q.A, q.b, rcond=1e-10)[0])
@@ -165,12 +165,12 @@ def _folds(
 ) -> list[tuple[Quadratic, Quadratic]]:
     """Quadratics of forces (W, N, S, 6) on the windows to fit to and on those to predict, for each fold."""
     turn = np.arange(len(followed)) % FOLDS
-    tests = _quadratics(problem, path, forces, [followed & (turn == k) for k in range(FOLDS)])
+    tests = quadratics(problem, path, forces, [followed & (turn == k) for k in range(FOLDS)])
     others = [[tests[j] for j in range(FOLDS) if j != k] for k in range(FOLDS)]
     return [(sum(rest[1:], rest[0]), test) for rest, test in zip(others, tests, strict=True)]
 
 
-def _quadratics(problem: Problem, path: WindowPath, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
+def quadratics(problem: Problem, path: WindowPath, forces: Floats, chosen: list[np.ndarray]) -> list[Quadratic]:
     """Chi-square of amounts of forces (W, N, S, 6) on some windows each, masks (W,)."""
     whole, numbers = [np.zeros((1, 1)) for _ in chosen], 0.0
     for some, parts in in_pieces(problem, path, forces.shape[1], lambda some: forces[some]):

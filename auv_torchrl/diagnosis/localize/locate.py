@@ -7,7 +7,7 @@ from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import attribute, on_grid
-from auv_torchrl.diagnosis.localize.moments import changing_thruster
+from auv_torchrl.diagnosis.localize.unlike import unlike_thruster
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FEWEST_IN_REGIME, STANDS_OUT
 from auv_torchrl.diagnosis.verdict import FoundEffect, Regime, Verdict, Where
@@ -24,14 +24,14 @@ def locate(
 ) -> Where:
     """Shares of the whole gap; the part that no effect explains is attributed by :func:`attribute`."""
     size = gap_by_window(problem, found.follow)
-    origin, thruster, changing = by_origin(effects), by_thruster(problem, effects), None
+    origin, thruster, unlike = by_origin(effects), by_thruster(problem, effects), None
     if verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED):
         path = found.best.path if effects else found.follow
         known = min(sum(effect.gap_closed or 0.0 for effect in effects), 1.0)
         rest, rest_thruster = attribute(problem, path)
-        if changing := changing_thruster(problem, path):
+        if unlike := unlike_thruster(problem, path):
             numbers = range(1, problem.vehicle.thrusters + 1)
-            rest_thruster = {str(number): float(number == changing.thruster) for number in numbers}
+            rest_thruster = {str(number): float(number == unlike.thruster) for number in numbers}
             rest = rest or {kind.value: float(kind is Origin.ACTUATION) for kind in Origin}
         origin, thruster = mixed(origin, rest, known), mixed(thruster, rest_thruster, known)
     return Where(
@@ -39,7 +39,8 @@ def locate(
         origin=origin,
         thruster=thruster,
         regime=regimes(problem, found.follow, size),
-        intermittence=changing and changing.intermittence(),
+        intermittence=unlike and unlike.intermittence,
+        thrust_map=unlike and unlike.thrust_map,
         onset_s=onset and onset.log_s,
         onset_episode=onset and onset.episode,
         onset_in_episode_s=onset and onset.episode_s,

@@ -6,14 +6,12 @@ disturbances are. The log evidence that a thruster gains so, whatever it does, t
 commanded: one that sticks, stalls or wanders has no constant gain, and no other thruster stands in for it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import in_pieces
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -21,7 +19,6 @@ from auv_torchrl.diagnosis.thresholds import LARGER, WORTH_AN_EFFECT, Z95
 from auv_torchrl.diagnosis.verdict import Intermittence
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.physics import prepare
-from auv_torchrl.sysid.trace import Outcome
 
 PIECE_S = 0.5  # s: a thruster reaches its thrust in 0.1 s, and a loose plug is off for longer than this
 SPREADS = (0.25, 0.5, 1.0)  # of the thrust: standard deviations of the amounts that are tried
@@ -38,6 +35,7 @@ class Moments:
     thruster: int  # from 1
     evidence: float  # log evidence of the log under this, and nothing else that is wrong
     excess: float  # chi-square per number under this
+    before: float  # the same without it
     gain: Floats  # (W, P) times what the healthy vehicle gives
     deviation: Floats  # (W, P) standard deviation; where it is not commanded, that of the amounts
 
@@ -54,27 +52,6 @@ class Moments:
         return Intermittence(self.thruster, share, max(0.0, share - half), min(1.0, share + half))
 
 
-def unless_changing(found: Found) -> Found | None:
-    """Without effects, where a thruster that gives what it likes is likelier than all effects; None where it is not.
-
-    Effects that stand in for such a thruster blame others beside it.
-    """
-    if not found.best.explanation.effects or _likelier_thruster(found) is None:
-        return None
-    return replace(found, best=found.none, trace=found.trace.instead((), Outcome.CHANGING))
-
-
-def is_changing(found: Found, settings: Settings) -> bool:
-    """Whether a thruster that gives what it likes leaves nothing of a log, and is likelier than all effects."""
-    changing = _likelier_thruster(found)
-    return changing is not None and changing.excess < settings.excess
-
-
-def _likelier_thruster(found: Found) -> Moments | None:
-    changing = changing_thruster(found.problem, found.follow)
-    return changing if changing is not None and changing.evidence > found.best.evidence else None
-
-
 @DIVERGING
 def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     """The thruster that pushes otherwise than commanded, where one stands out from all others; else None."""
@@ -87,11 +64,12 @@ def changing_thruster(problem: Problem, path: WindowPath) -> Moments | None:
     spread = SPREADS[int(evidence[first].argmax())]
     inverse = np.linalg.inv(A[first] + np.eye(A.shape[-1]) / spread**2)
     amount = (inverse @ b[first][..., None])[..., 0]
-    excess = (left - float((b[first] * amount).sum())) / float(problem.windows.numbers_of_each[known].sum())
+    numbers = float(problem.windows.numbers_of_each[known].sum())
+    excess = (left - float((b[first] * amount).sum())) / numbers
     nominal = float(problem.vehicle.gain[..., first])
     now = float(path.vehicle.gain[0, first]) / nominal
     deviation = np.where(known[:, None], np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)), np.inf)
-    return Moments(first + 1, best[first] - 0.5 * left, excess, now + amount, deviation)
+    return Moments(first + 1, best[first] - 0.5 * left, excess, left / numbers, now + amount, deviation)
 
 
 def _evidence(b: Floats, A: Floats, known: np.ndarray, spread: float) -> float:

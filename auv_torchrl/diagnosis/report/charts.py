@@ -7,13 +7,14 @@ import numpy as np
 from markupsafe import Markup
 
 from auv_torchrl.diagnosis.report.svg import circle, decades, line, polyline, rect, svg, text, ticks
-from auv_torchrl.diagnosis.verdict import Errors, Estimate
+from auv_torchrl.diagnosis.verdict import Errors, Estimate, ThrustMap
 from auv_torchrl.flightlog.log import Floats
 from auv_torchrl.quantities import number, percent, quantity
 
 _WIDTH, _HEIGHT = 300.0, 170.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 22.0, 24.0
 _BAR = 16.0
+_MAP_RANGE = -0.25, 1.75  # of the thrust, that the picture of a map shows
 _DOTS = 36  # measured samples drawn per curve
 _LABEL_WIDTH, _LABEL_HEIGHT = 32.0, 9.0  # of five digits in 10.5 px
 # Where the label of a point may stand, best first: above, below, and beside a curve that is steep
@@ -133,3 +134,28 @@ def interval(estimate: Estimate) -> Markup:
     numbers = (estimate.value, estimate.low, estimate.high, estimate.nominal)
     value, least, most, nominal = (quantity(n, estimate.unit) for n in numbers)
     return svg(160, 20, f"{value} in {least} to {most}, nominal {nominal}", parts, "interval")
+
+
+def thrusts(measured: ThrustMap) -> Markup:
+    """What a thruster gives of its thrust at each command, with its band, beside all of it."""
+    low, high = _MAP_RANGE
+
+    def across(command: float) -> float:
+        return _LEFT + (command + 1) / 2 * (_WIDTH - _LEFT - _RIGHT)
+
+    def down(share: float) -> float:
+        return _HEIGHT - _BOTTOM - (min(max(share, low), high) - low) / (high - low) * (_HEIGHT - _TOP - _BOTTOM)
+
+    parts = [text(_LEFT, 13, "share of its thrust, by command", "title")]
+    for share in (0.0, 0.5, 1.0, 1.5):
+        y = down(share)
+        parts += [line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"), text(_LEFT - 5, y + 3.5, percent(share), "tick", "end")]
+    for command, said, anchor in ((-1.0, "full back", "start"), (0.0, "0", "middle"), (1.0, "full ahead", "end")):
+        parts.append(text(across(command), _HEIGHT - 8, said, "tick", anchor))
+    parts.append(polyline([across(-1.0), across(1.0)], [down(1.0)] * 2, "curve before"))
+    for one in measured.slices:
+        left, right, top, bottom = across(one.low), across(one.high), down(one.most), down(one.least)
+        parts.append(rect(left, top, right - left, max(bottom - top, 1.0), "band", 0))
+        parts.append(line(left, down(one.share), right, down(one.share), "curve after"))
+    said = f"what thruster {measured.thruster} gives of its thrust, by its command"
+    return svg(_WIDTH, _HEIGHT, said, parts, "chart")

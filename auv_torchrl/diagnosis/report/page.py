@@ -10,18 +10,19 @@ from markupsafe import Markup
 
 from auv_torchrl import __version__
 from auv_torchrl.diagnosis.findings import set_wrong, to_change
-from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares
+from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
+from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares, thrusts
 from auv_torchrl.diagnosis.report.dive import dive
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.wording import (
     diverged,
-    either,
     measured_errors,
     next_best,
     rows,
     sentence,
     shown,
     to_do,
+    told_apart,
 )
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
@@ -49,6 +50,7 @@ LOOKS_LIKE = {
     Origin.EXTERNAL: "place, heading or time: tether, waves, contact, compass",
     Origin.SENSING: "the sensors: delay, bias, noise",
 }
+LOCATED = "found at one thruster"
 _CLEAR_SHARE = 0.2  # degrees of freedom with a larger share of the gap are marked where no thruster is at fault
 _GLYPH = {
     Verdict.NO_GAP: "✓", Verdict.EXPLAINED: "●", Verdict.PARTLY_EXPLAINED: "◐", Verdict.UNEXPLAINED: "○",
@@ -111,17 +113,21 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
     likely = [effect for effect in diagnosis.effects if effect.is_likely]  # no red for what is likelier sound
     thrusters = sorted({i for effect in likely for i in effect.thrusters})
     has_gap = diagnosis.verdict is not Verdict.NO_GAP
-    axes = _clear_axes(diagnosis.where, likely) if has_gap and not thrusters else []
+    shows = has_gap and diagnosis.verdict is not Verdict.CANNOT_TELL  # a channel that does not answer shows no gap
+    axes = _clear_axes(diagnosis.where, likely) if shows and not thrusters else []
     suspected = suspects(diagnosis.where) if has_gap and not likely else []
     marked = [_numbered(thrusters)] if thrusters else []
     marked += [f"{', '.join(axes)}, where the gap shows"] if axes else []
     marked += [f"{_numbered(suspected)}, whose commands it goes with"] if suspected else []
     thrusters = thrusters or suspected
+    does = seen_to_do(diagnosis.where) if diagnosis.effects else does_otherwise(diagnosis.where)
+    does = does if diagnosis.verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED) else ""
+    located = bool(does) and not diagnosis.effects
     candidates = [candidate for candidate in diagnosis.candidates if np.isfinite(candidate.probability)]
     return environment.get_template("page.html.j2").render(
         d=diagnosis,
         verdict=diagnosis.verdict,
-        sign=(_GLYPH[diagnosis.verdict], words(diagnosis.verdict.key), diagnosis.verdict.key),
+        sign=(_GLYPH[diagnosis.verdict], LOCATED if located else words(diagnosis.verdict.key), diagnosis.verdict.key),
         style=Markup(STYLE.read_text(encoding="utf-8")),
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
@@ -129,6 +135,8 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         set_wrong=set_wrong(diagnosis.findings, diagnosis.effects),
         to_change=to_change(diagnosis),
         leads=_leads(diagnosis),
+        thrusts=thrusts(diagnosis.where.thrust_map) if diagnosis.where.thrust_map else None,
+        does=does,
         next_best=next_best(diagnosis.decision),
         after=_after(diagnosis),
         diverged=diverged(diagnosis),
@@ -138,7 +146,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         confirmed=measured_errors(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
         facts=_facts(diagnosis),
         where=_where(diagnosis),
-        either=either(diagnosis),
+        likely=told_apart(diagnosis),
         corrections=[effect for effect in diagnosis.effects if effect.calibrates],
         further=candidates,
         to_do=to_do(diagnosis),
@@ -174,7 +182,10 @@ def _clear_axes(where: Where, effects: Iterable[FoundEffect]) -> list[str]:
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
-    facts = [("of the gap closed", percent(diagnosis.gap.closed))] if diagnosis.gap.closed is not None else []
+    closed = diagnosis.gap.closed if diagnosis.effects else None  # by what was named
+    facts = [("of the gap closed", percent(closed))] if closed is not None else []
+    if not diagnosis.effects and diagnosis.verdict is not Verdict.NO_GAP:
+        return []  # what was not explained has no numbers to show
     told = sorted((kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2]))
     for name, unit, errors in told[:1]:
         change = with_unit(f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)}", unit)
@@ -185,8 +196,6 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if faults:
         first = faults[0]
         facts.append((f"probability of {words(first.name)}", percent(first.probability)))
-    if diagnosis.input_mappable is not None and diagnosis.verdict is not Verdict.NO_GAP:
-        facts.append(("of the gap that remapping the commands could close", percent(diagnosis.input_mappable)))
     return facts
 
 

@@ -4,13 +4,13 @@ from collections.abc import Collection, Iterable
 
 from auv_torchrl.diagnosis.report.wording import (
     diverged,
-    either,
     measured_errors,
     next_best,
     rows,
     sentence,
     shown,
     to_do,
+    told_apart,
 )
 from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
@@ -46,8 +46,9 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
             f"the vehicle's file, {percent(corrections[0].probability)}: {', '.join(unsure)} (values in report.html)"
         )
     if diagnosis.verdict not in (Verdict.EXPLAINED, Verdict.NO_GAP) and diagnosis.alternatives:
-        ranked = list(either(diagnosis).items())[:_ALTERNATIVES]
-        lines += ["", f"one of these: {'; '.join(f'{what} {percent(p)}' for what, p in ranked)}"]
+        ranked = list(told_apart(diagnosis).items())[:_ALTERNATIVES]
+        told = "; ".join(f"{what} {percent(p)}" for what, p in ranked)
+        lines += ["", f"one of these: {told}"] if len(ranked) > 1 else []
     lines += ["", *_errors(diagnosis)]
     limits = (line for line in diagnosis.cannot_tell if not line.endswith(NOT_SHOWN))  # of those there are a dozen
     sections = {

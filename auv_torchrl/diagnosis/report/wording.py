@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from auv_torchrl.diagnosis.findings import set_wrong
-from auv_torchrl.diagnosis.summary import SUSPECT
+from auv_torchrl.diagnosis.localize.wording import does_otherwise
+from auv_torchrl.diagnosis.summary import SUSPECT, suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import (
     FLOOR_ASSUMED,
@@ -25,6 +26,7 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
 
+LEAST_TOLD = 0.01  # probability below which nobody acts on an alternative
 SOUND_DIVE = (
     "record one dive on which the vehicle is sound and give it with --healthy FILE: it tells a fault from a vehicle "
     "file that is wrong"
@@ -119,24 +121,43 @@ def to_do(diagnosis: Diagnosis) -> list[str]:
     if loose := diagnosis.where.intermittence:
         at = loose.thruster
         look.append(f"look at plug and wires of thruster {at}, at weed in its propeller, and at its speed controller")
+    elif unlike := _alone(diagnosis):
+        look.append(
+            f"look at the propeller and the wires of thruster {unlike}, and exchange its speed controller with that of "
+            "a neighbour: if the fault goes with the controller, replace it, else the motor"
+        )
     set_back = (finding.remedy for finding in set_wrong(diagnosis.findings, diagnosis.effects))
-    repair = (
-        how_sure(advice.do, effect.probability)
-        for effect in sorted(diagnosis.effects, key=lambda one: not one.is_likely)
-        for advice in effect.advice
-        if effect.is_likely or (effect.gap_closed or 0.0) > SUSPECT
+    repair, perhaps = (
+        [
+            how_sure(advice.do, effect.probability)
+            for effect in diagnosis.effects
+            for advice in effect.advice
+            if effect.is_likely is likely and (likely or (effect.gap_closed or 0.0) > SUSPECT)
+        ]
+        for likely in (True, False)
     )
-    sound = [SOUND_DIVE] if lacks_sound_dive(diagnosis) else []
+    found = bool(diagnosis.where.intermittence or _alone(diagnosis))
+    sound = [SOUND_DIVE] if lacks_sound_dive(diagnosis) and not found else []
     experiment = diagnosis.next_experiment
     fly = [_to_fly(experiment)] if experiment else []
-    return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *fly)))
+    return list(dict.fromkeys(sentence(line) for line in (*look, *set_back, *repair, *sound, *perhaps, *fly)))
+
+
+def _alone(diagnosis: Diagnosis) -> int | None:
+    """The one thruster that was seen to push otherwise than commanded, where no effect is named."""
+    if measured := diagnosis.where.thrust_map:
+        return measured.thruster
+    if diagnosis.verdict is Verdict.UNEXPLAINED and does_otherwise(diagnosis.where):
+        return suspects(diagnosis.where)[0]
+    return None
 
 
 def _to_fly(experiment: NextExperiment) -> str:
     """The next experiment: by hand where a pilot can, why, and the file."""
     if not experiment.by_hand:
         return f"fly {experiment.commands}: {experiment.why}"
-    return f"{experiment.by_hand} ({experiment.commands} has the same as commands): {experiment.why}"
+    why = f"this tells {experiment.tells}" if experiment.tells else experiment.why
+    return f"{experiment.by_hand} (as commands in {experiment.commands}): {why}"
 
 
 def lacks_sound_dive(diagnosis: Diagnosis) -> bool:
@@ -190,3 +211,8 @@ def either(diagnosis: Diagnosis) -> dict[str, float]:
     for one in diagnosis.alternatives:
         found[one.called] = found.get(one.called, 0.0) + one.probability
     return found
+
+
+def told_apart(diagnosis: Diagnosis) -> dict[str, float]:
+    """The same, those that are worth a line."""
+    return {what: probability for what, probability in either(diagnosis).items() if probability >= LEAST_TOLD}
