@@ -205,5 +205,5 @@ def test_one_vehicle_is_no_batch():
 def test_a_fleet_that_is_too_large_for_mujoco_is_refused_with_the_way_out():
     """The sentence says how many vehicles were asked for, and what takes any number."""
     model = fleet_model(PAPER, 4096, DT)
-    with pytest.raises(ValueError, match="4096 vehicles are more than one MuJoCo model holds: .*backend=torch"):
+    with pytest.raises(ValueError, match="4,096 vehicles are more than one MuJoCo model holds: .*backend=torch"):
         compiled(model)
