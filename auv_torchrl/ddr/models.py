@@ -56,8 +56,8 @@ class Regressor(nn.Module):
         x = (inputs - self.input_mean) / self.input_scale
         y = (outputs - self.output_mean) / self.output_scale
         # in double precision: the last digits of LAPACK depend on where its data lie, and training multiplies that
-        alike = torch.finfo(x.dtype).eps * max(x.shape)  # columns that single precision cannot tell apart
-        self.linear.weight.copy_(torch.linalg.lstsq(x.double(), y.double(), rcond=alike).solution.mT)
+        rounding = torch.finfo(x.dtype).eps * max(x.shape)  # columns that single precision cannot tell apart
+        self.linear.weight.copy_(torch.linalg.lstsq(x.double(), y.double(), rcond=rounding).solution.mT)
         self.linear.bias.zero_()
 
     def forward(self, inputs: Tensor) -> Tensor:

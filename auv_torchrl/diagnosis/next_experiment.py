@@ -31,7 +31,7 @@ STEADY, TURNING = 0.3, 0.06  # of the full command, while turning slowly
 OPEN = 6.0  # log evidence by which another explanation may be worse and still is worth an experiment
 MOST_RIVALS = 4  # pairs that manoeuvres are flown for in simulation
 SEPARATES = 3.0  # noise standard deviations, root mean square, below which flying it is no use
-ALIKE = 0.05  # of the full command, within which a thruster with a map gives the same
+SAME_COMMAND = 0.05  # of the full command, within which a thruster with a map gives the same
 SHOWS = 1.0  # nats about a moment of a thruster: what it gives is then known within 0.37 of its thrust
 MOMENT_S = 1.5  # s over which a thruster gives one share of its thrust: as long as a pulse
 
@@ -150,8 +150,8 @@ def watch(problem: Problem, found: Found, thruster: int) -> NextExperiment | Non
     vehicle = problem.vehicle
     now = batch(vehicle, [found.best.explanation.values(vehicle)])
     plans = manoeuvres(vehicle)
-    best, told = _farthest({name: _shows(problem, now, plan, thruster - 1) for name, plan in plans.items()})
-    if not told > SHOWS:
+    best, nats = _farthest({name: _shows(problem, now, plan, thruster - 1) for name, plan in plans.items()})
+    if not nats > SHOWS:
         return None
     return _planned(best, f"what thruster {thruster} gives at each command, whatever the others do", plans[best])
 
@@ -171,15 +171,15 @@ def _shows(problem: Problem, vehicle: Vehicle, commands: Floats, own: int) -> fl
         plans[row, moment == k, i] = 0.0
     flown = _fly(problem, vehicle[np.zeros(len(plans), int)], plans)
     changes = _apart(problem, flown[1:], flown[:1]).reshape(len(lost), -1)
-    told = changes[mine] @ changes[mine].T
+    information = changes[mine] @ changes[mine].T
     others = changes[~mine]
     if len(others):
         across = others @ changes[mine].T
-        told -= across.T @ np.linalg.solve(others @ others.T + np.eye(len(others)), across)
+        information -= across.T @ np.linalg.solve(others @ others.T + np.eye(len(others)), across)
     size = np.array([np.abs(commands[moment == k, i]).max() * np.sign(commands[moment == k, i].sum()) for i, k in lost])
-    alike = np.abs(size[mine, None] - size[mine]) < ALIKE
-    before = 0.5 * (alike + np.eye(len(told)))  # half by the map of the thruster, half by the moment
-    return float(0.5 * np.linalg.slogdet(np.eye(len(told)) + before @ told)[1] / (moment[-1] + 1))
+    same = np.abs(size[mine, None] - size[mine]) < SAME_COMMAND
+    before = 0.5 * (same + np.eye(len(information)))  # half by the map of the thruster, half by the moment
+    return float(0.5 * np.linalg.slogdet(np.eye(len(information)) + before @ information)[1] / (moment[-1] + 1))
 
 
 def explore(vehicle: Vehicle, where: Where) -> NextExperiment | None:

@@ -35,8 +35,8 @@ def summarise(
     ``examined`` are the degrees of freedom that the log measures, where the vehicle moves in others too.
     """
     if verdict is Verdict.NO_GAP and not effects:
-        said = SOUND if within_floor(gap) else SLACK
-        return said.replace(":", f" in {', '.join(examined)}:", 1) if examined else said
+        sentence = SOUND if within_floor(gap) else SLACK
+        return sentence.replace(":", f" in {', '.join(examined)}:", 1) if examined else sentence
     worth = [effect for effect in effects if effect.probability >= WORTH_A_WORD]
     named, perhaps = (
         "; ".join(effect.clause for effect in worth if not effect.calibrates and effect.is_likely is likely)

@@ -63,7 +63,7 @@ TILT_PASSES = 2
 
 # Where the gap is
 LEAST_PREDICTED = 0.1  # of the gap that forces must predict together, or nothing is said
-ALIKE = 0.03  # relative, of what two thrusters predict that get the same commands
+SAME_COMMANDS = 0.03  # relative, of what two thrusters predict that get the same commands
 WORTHLESS = 0.005  # of the gap
 STANDS_OUT = 1.3  # gap in a regime, in gaps of the whole log
 FEWEST_IN_REGIME = 5  # windows

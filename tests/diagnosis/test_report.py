@@ -408,7 +408,7 @@ def test_the_table_warns_of_what_the_diagnosis_found_and_not_twice():
     minor = Finding(Severity.INFO, "sensor_noise", "white noise of the sensors")
     to_set = Finding(Severity.WARNING, "motor_direction", "it is -1", "Set it to 1", param=(("MOT_4_DIRECTION", 1),))
     diagnosis = replace(no_gap(), findings=(unfollowed, known, minor, unfollowed, to_set))
-    table = summary_table(diagnosis, said={known.sentence})
+    table = summary_table(diagnosis, printed={known.sentence})
     assert table.count("  warning: x and y cannot be used without yaw. Log yaw too.") == 1
     assert known.sentence not in table and minor.sentence not in table
     assert table.count("Set it to 1") == 1

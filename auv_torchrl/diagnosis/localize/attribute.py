@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.motion.force import responses
 from auv_torchrl.diagnosis.motion.reduce import Parts, Quadratic, reduce
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, chunks
-from auv_torchrl.diagnosis.thresholds import ALIKE, LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, WORTHLESS
+from auv_torchrl.diagnosis.thresholds import LEAST_PREDICTED, NOTHING_TO_MAP, REACH_WIDTH, SAME_COMMANDS, WORTHLESS
 from auv_torchrl.effects import Origin
 from auv_torchrl.physics import ActiveTerms
 from auv_torchrl.physics.kinematics import rotation_matrix
@@ -137,7 +137,7 @@ def in_turn(value: Callable[[Sequence[int]], float], teams: Sequence[Sequence[in
         added = np.array([value([*inside, *teams[team]]) - reached for team in left])
         if not added.max() > WORTHLESS:
             break
-        equal = [team for team, worth in zip(left, added, strict=True) if worth > (1 - ALIKE) * added.max()]
+        equal = [team for team, worth in zip(left, added, strict=True) if worth > (1 - SAME_COMMANDS) * added.max()]
         inside += [member for team in equal for member in teams[team]]
         gained = value(inside) - reached
         shares[equal] = np.minimum(gained / len(equal), alone[equal])

@@ -18,7 +18,7 @@ def seen_to_do(where: Where) -> str:
     """The clause about the one thruster that pushes otherwise than commanded; empty where nothing more is known."""
     if one := where.intermittence:
         return f"thruster {one.thruster} gives nothing for {percent(one.share)} of the time"
-    return said_of_map(where.thrust_map) if where.thrust_map else ""
+    return map_in_words(where.thrust_map) if where.thrust_map else ""
 
 
 def does_otherwise(where: Where) -> str:
@@ -27,7 +27,7 @@ def does_otherwise(where: Where) -> str:
     return seen_to_do(where) or (f"thruster {alone} pushes otherwise than commanded" if alone else "")
 
 
-def said_of_map(measured: ThrustMap) -> str:
+def map_in_words(measured: ThrustMap) -> str:
     """Where a measured map departs from what the thruster should give."""
     known = [one for one in measured.slices if (one.most - one.least) / 2 < KNOWN]
     rests = measured.at_rest_least <= 0 <= measured.at_rest_most or abs(measured.at_rest) < PUSHES
@@ -42,8 +42,8 @@ def said_of_map(measured: ThrustMap) -> str:
     ahead, back = (_departs([one for one in known if sign * (one.low + one.high) > 0]) for sign in (1, -1))
     if ahead and back and ahead[0] == back[0] and abs(ahead[1] - back[1]) < ROUGHLY:
         both = (ahead[0], (ahead[1] + back[1]) / 2)
-        return f"{name} gives {_said(*both)}"
-    each = [f"{_said(*said)} {way}" for said, way in ((ahead, "forwards"), (back, "backwards")) if said]
+        return f"{name} gives {_in_words(*both)}"
+    each = [f"{_in_words(*half)} {way}" for half, way in ((ahead, "forwards"), (back, "backwards")) if half]
     return f"{name} gives {' and '.join(each)}" if each else f"{name} pushes otherwise than commanded"
 
 
@@ -76,7 +76,7 @@ def _step(ordered: Sequence[Slice], k: int, large: float) -> tuple[float, float]
     return (_off(small, 1 - large) * len(small) + _off(beyond, large) * len(beyond)) / (len(ordered) - 1), large
 
 
-def _said(what: str, much: float) -> str:
+def _in_words(what: str, much: float) -> str:
     """The clause for what a thruster gives."""
     if what == "nothing":
         return what

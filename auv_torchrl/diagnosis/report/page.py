@@ -16,13 +16,13 @@ from auv_torchrl.diagnosis.report.dive import dive
 from auv_torchrl.diagnosis.report.drawing import from_above, from_behind
 from auv_torchrl.diagnosis.report.wording import (
     diverged,
+    likely_causes,
     measured_errors,
     next_best,
     rows,
     sentence,
     shown,
     to_do,
-    told_apart,
 )
 from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
@@ -146,7 +146,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         confirmed=measured_errors(diagnosis.gap.confirmed) if diagnosis.gap.confirmed else [],
         facts=_facts(diagnosis),
         where=_where(diagnosis),
-        likely=told_apart(diagnosis),
+        likely=likely_causes(diagnosis),
         corrections=[effect for effect in diagnosis.effects if effect.calibrates],
         further=candidates,
         to_do=to_do(diagnosis),
@@ -186,8 +186,10 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     facts = [("of the gap closed", percent(closed))] if closed is not None else []
     if not diagnosis.effects and diagnosis.verdict is not Verdict.NO_GAP:
         return []  # what was not explained has no numbers to show
-    told = sorted((kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2]))
-    for name, unit, errors in told[:1]:
+    widest_gaps = sorted(
+        (kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2])
+    )
+    for name, unit, errors in widest_gaps[:1]:
         change = with_unit(f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)}", unit)
         floor = with_unit(number(errors.floor[-1], 2), unit)
         when = f"after {diagnosis.gap.horizon_s[-1]:g} s, before and after (floor {floor})"

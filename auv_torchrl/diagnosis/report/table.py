@@ -4,13 +4,13 @@ from collections.abc import Collection, Iterable
 
 from auv_torchrl.diagnosis.report.wording import (
     diverged,
+    likely_causes,
     measured_errors,
     next_best,
     rows,
     sentence,
     shown,
     to_do,
-    told_apart,
 )
 from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
@@ -19,15 +19,15 @@ from auv_torchrl.quantities import number, percent, words
 _ALTERNATIVES = 3
 
 
-def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
+def summary_table(diagnosis: Diagnosis, printed: Collection[str] = ()) -> str:
     """Summary sentence, effects with their values, errors, what limits the answer, and what to do.
 
-    ``said`` are the sentences of findings that were printed before.
+    ``printed`` are the sentences of findings that were printed before.
     """
     begins = "" if diagnosis.verdict is Verdict.NO_GAP else f"{words(diagnosis.verdict.key)}: "
     lines = [f"{begins}{diagnosis.headline or diagnosis.summary}"]
-    if told := to_do(diagnosis):
-        lines += ["", "what to do", *(f"  {place}. {line}" for place, line in enumerate(told, 1))]
+    if steps := to_do(diagnosis):
+        lines += ["", "what to do", *(f"  {place}. {line}" for place, line in enumerate(steps, 1))]
     if diagnosis.headline and diagnosis.headline != diagnosis.summary:
         lines += ["", diagnosis.summary]
     if diagnosis.effects:
@@ -46,18 +46,18 @@ def summary_table(diagnosis: Diagnosis, said: Collection[str] = ()) -> str:
             f"the vehicle's file, {percent(corrections[0].probability)}: {', '.join(unsure)} (values in report.html)"
         )
     if diagnosis.verdict not in (Verdict.EXPLAINED, Verdict.NO_GAP) and diagnosis.alternatives:
-        ranked = list(told_apart(diagnosis).items())[:_ALTERNATIVES]
-        told = "; ".join(f"{what} {percent(p)}" for what, p in ranked)
-        lines += ["", f"one of these: {told}"] if len(ranked) > 1 else []
+        ranked = list(likely_causes(diagnosis).items())[:_ALTERNATIVES]
+        causes = "; ".join(f"{what} {percent(p)}" for what, p in ranked)
+        lines += ["", f"one of these: {causes}"] if len(ranked) > 1 else []
     lines += ["", *_errors(diagnosis)]
     limits = (line for line in diagnosis.cannot_tell if not line.endswith(NOT_SHOWN))  # of those there are a dozen
     sections = {
-        "what this rests on": _warnings(diagnosis, said),
+        "what this rests on": _warnings(diagnosis, printed),
         "what this log cannot tell": [sentence(line) for line in limits],
     }
-    for title, told in sections.items():
-        if told:
-            lines += ["", title, *(f"  {line}" for line in told)]
+    for title, entries in sections.items():
+        if entries:
+            lines += ["", title, *(f"  {line}" for line in entries)]
     return "\n".join(lines)
 
 
@@ -78,10 +78,10 @@ def decision_table(diagnosis: Diagnosis) -> str:
     return "\n".join(lines + [f"  {words(name):<{width}}  {why}" for name, why in decision.reasons.items()])
 
 
-def _warnings(diagnosis: Diagnosis, said: Collection[str]) -> list[str]:
+def _warnings(diagnosis: Diagnosis, printed: Collection[str]) -> list[str]:
     """Warnings and errors, each once, but for parameters to set: "what to do" tells them."""
     matter = (f for f in diagnosis.findings if f.severity is not Severity.INFO and not f.param)
-    return list(dict.fromkeys(str(f) for f in matter if f.sentence not in said))
+    return list(dict.fromkeys(str(f) for f in matter if f.sentence not in printed))
 
 
 def _errors(diagnosis: Diagnosis) -> list[str]:

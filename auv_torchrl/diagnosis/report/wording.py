@@ -26,7 +26,7 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import between, estimated, number, percent, scale, with_unit, words
 
-LEAST_TOLD = 0.01  # probability below which nobody acts on an alternative
+LEAST_SHOWN = 0.01  # probability below which nobody acts on an alternative
 SOUND_DIVE = (
     "record one dive on which the vehicle is sound and give it with --healthy FILE: it tells a fault from a vehicle "
     "file that is wrong"
@@ -91,7 +91,7 @@ def _largest(values: tuple[float, ...]) -> float:
 
 def diverged(diagnosis: Diagnosis) -> str:
     """That no share can be told because the simulator as it was diverges, and how errors shrink; else nothing."""
-    gap, told, diverges = diagnosis.gap, [], False
+    gap, changes, diverges = diagnosis.gap, [], False
     for name, unit, errors in measured_errors(gap):
         shown = [row for row in zip(gap.horizon_s, errors.before, errors.after, strict=True) if math.isfinite(row[2])]
         numbers = [row for row in shown if math.isfinite(row[1])]
@@ -99,11 +99,11 @@ def diverged(diagnosis: Diagnosis) -> str:
         if numbers:
             horizon, before, after = numbers[-1]
             change = with_unit(f"{number(before, 2)} → {number(after, 2)}", unit)
-            told.append(f"; {name} {change} at {horizon:g} s")
+            changes.append(f"; {name} {change} at {horizon:g} s")
     if gap.closed is not None or not diverges:
         return ""
     without = "the effects" if diagnosis.effects else "calibration"
-    return f"without {without} the simulator diverges{''.join(told)}"
+    return f"without {without} the simulator diverges{''.join(changes)}"
 
 
 def next_best(decision: Decision) -> str:
@@ -111,8 +111,8 @@ def next_best(decision: Decision) -> str:
     if not decision.next_best:
         return ""
     channels = ", ".join(f"{name} ({percent(share)})" for name, share in decision.apart.items())
-    told = f"; what tells it apart: {channels}" if channels else ""
-    return f"The next best explanation is {words(decision.next_best)}{told}."
+    by_channel = f"; what tells it apart: {channels}" if channels else ""
+    return f"The next best explanation is {words(decision.next_best)}{by_channel}."
 
 
 def to_do(diagnosis: Diagnosis) -> list[str]:
@@ -182,14 +182,14 @@ def rows(effect: FoundEffect) -> list[Row]:
         family, _, number = name.rpartition("_")
         if number.isdigit():
             families.setdefault(family, {})[int(number)] = estimate
-    alike = {
+    equal = {
         family: members
         for family, members in families.items()
         if len(members) > 1 and len({(shown(e).value, shown(e).nominal) for e in members.values()}) == 1
     }
-    rest = {name: e for name, e in effect.parameters.items() if name.rpartition("_")[0] not in alike}
+    rest = {name: e for name, e in effect.parameters.items() if name.rpartition("_")[0] not in equal}
     found = [
-        Row(f"{words(family)} {_listed(members)}", _widest([*members.values()])) for family, members in alike.items()
+        Row(f"{words(family)} {_listed(members)}", _widest([*members.values()])) for family, members in equal.items()
     ]
     return found + [Row(words(name), estimate) for name, estimate in rest.items()]
 
@@ -213,6 +213,6 @@ def either(diagnosis: Diagnosis) -> dict[str, float]:
     return found
 
 
-def told_apart(diagnosis: Diagnosis) -> dict[str, float]:
+def likely_causes(diagnosis: Diagnosis) -> dict[str, float]:
     """The same, those that are worth a line."""
-    return {what: probability for what, probability in either(diagnosis).items() if probability >= LEAST_TOLD}
+    return {what: probability for what, probability in either(diagnosis).items() if probability >= LEAST_SHOWN}

@@ -45,8 +45,8 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: O
     logged, found = once(log, 0.5, 1.0)
     if not still or logged.verdict is Verdict.NO_GAP or explained_better(found.problem, found.best.path, still):
         return logged
-    told = tell(still, whole, len(log.episodes))
-    return _beside(rest, logged, told) if rest else _alone(logged, told)
+    silent = tell(still, whole, len(log.episodes))
+    return _beside(rest, logged, silent) if rest else _alone(logged, silent)
 
 
 def _unless_of_another_source(
@@ -63,8 +63,8 @@ def _unless_of_another_source(
         rest = once(others, 0.8, 1.0)[0]
     except FlightLogError:  # too little is left to explain
         return logged
-    told = tell_other_source(blamed(false), len(log.episodes))
-    return _beside(rest, logged, told) if rest.verdict is Verdict.NO_GAP else logged
+    silent = tell_other_source(blamed(false), len(log.episodes))
+    return _beside(rest, logged, silent) if rest.verdict is Verdict.NO_GAP else logged
 
 
 def _is_all(log: FlightLog, vehicle: Vehicle, settings: Settings, still: Sequence[Stillness]) -> bool:
@@ -92,53 +92,53 @@ def _explain_others(
     return None, still
 
 
-def _beside(rest: Diagnosis, logged: Diagnosis, told: tuple[Finding, ...]) -> Diagnosis:
+def _beside(rest: Diagnosis, logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
     """What all other channels say, behind what does not answer; a fault that this alone shows is the other reading."""
     there = {effect.name for effect in rest.effects}
     fits = logged.verdict is Verdict.EXPLAINED
     others = [e for e in logged.effects if fits and e.is_likely and e.name not in there and not e.calibrates]
     limited = Verdict.CANNOT_TELL if rest.verdict is Verdict.NO_GAP else rest.verdict
     verdict = Verdict.PARTLY_EXPLAINED if limited is Verdict.EXPLAINED else limited
-    sentences = (*(_sentence(finding.sentence) for finding in told), *_instead(others, told), rest.summary)
+    sentences = (*(_sentence(finding.sentence) for finding in silent), *_instead(others, silent), rest.summary)
     return replace(
         rest,
         verdict=verdict,
         summary=" ".join(sentences),
         candidates=_halved(rest.candidates, {effect.name: effect.probability for effect in others}),
-        alternatives=_both(rest.alternatives, others, told),
-        indistinguishable=(*rest.indistinguishable, *((_noun(told), effect.name) for effect in others)),
-        findings=(*told, *rest.findings),
+        alternatives=_both(rest.alternatives, others, silent),
+        indistinguishable=(*rest.indistinguishable, *((_noun(silent), effect.name) for effect in others)),
+        findings=(*silent, *rest.findings),
     )
 
 
-def _alone(logged: Diagnosis, told: tuple[Finding, ...]) -> Diagnosis:
+def _alone(logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
     """Nothing that could be explained is left: what does not answer is all that is said."""
     seen = {one.name: one.probability for one in logged.candidates}
     return replace(
         logged,
         verdict=Verdict.CANNOT_TELL,
-        summary=" ".join(_sentence(finding.sentence) for finding in told),
+        summary=" ".join(_sentence(finding.sentence) for finding in silent),
         effects=(),
         candidates=_halved((), seen),
-        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, stands_still(told)),
+        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, stands_still(silent)),
         indistinguishable=(),
         next_experiment=None,
         gap=_as_before(logged.gap),
-        findings=(*told, *logged.findings),
+        findings=(*silent, *logged.findings),
         windows=tuple(replace(window, after=window.before) for window in logged.windows),
     )
 
 
-def _instead(effects: Sequence[FoundEffect], told: Sequence[Finding]) -> tuple[str, ...]:
+def _instead(effects: Sequence[FoundEffect], silent: Sequence[Finding]) -> tuple[str, ...]:
     """The other reading."""
     clauses = [f"{e.sentence.rstrip('.')} ({100 * BELIEVED * e.probability:.0f} %)" for e in effects]
     if not clauses:
         return ()
-    return (f"Or else, as {_noun(told)} alone would testify: {'; '.join(clauses)}.",)
+    return (f"Or else, as {_noun(silent)} alone would testify: {'; '.join(clauses)}.",)
 
 
-def _noun(told: Sequence[Finding]) -> str:
-    return named({column for finding in told for column in finding.columns})
+def _noun(silent: Sequence[Finding]) -> str:
+    return named({column for finding in silent for column in finding.columns})
 
 
 def _sentence(clause: str) -> str:
@@ -158,11 +158,11 @@ def _halved(candidates: Sequence[EffectProbability], others: dict[str, float]) -
 
 
 def _both(
-    rest: Sequence[Alternative], others: Sequence[FoundEffect], told: Sequence[Finding]
+    rest: Sequence[Alternative], others: Sequence[FoundEffect], silent: Sequence[Finding]
 ) -> tuple[Alternative, ...]:
     """What all other channels leave open, beside a channel that does not answer; and the other reading."""
     other = BELIEVED * min((effect.probability for effect in others), default=0.0)
-    still = stands_still(told)
+    still = stands_still(silent)
     found = [
         replace(
             one, besides=" and ".join(filter(None, (one.besides, still))), probability=(1 - other) * one.probability

@@ -28,7 +28,7 @@ FEWEST_SAMPLES = 12  # of a window, to tell motion from noise
 SWALLOWED = 0.2  # of full command, from end to end, that a dead band may swallow
 WHITE = 0.5  # of the white noise, in squares, by which a slow walk moves within a window at most
 SHOWN = 0.15  # of the commanded motion, below which a channel does not answer
-TOLD = 15.0  # standard deviations of its noise, each sample's counted, by which commands move a channel in a window,
+MOVED = 15.0  # standard deviations of its noise, each sample's counted, by which commands move a channel in a window,
 FEWEST_WINDOWS = 2  # and in so many of them
 LEAST_SHOWN = 2e-3  # m, rad, m/s, rad/s, m/s^2: root mean square of a commanded motion that sensors show
 SURE = 2.0  # standard deviations of what is measured of a motion
@@ -78,8 +78,8 @@ class Motions:
         noise = float(self.noise[rows, channel].sum()) / total
         white = max(noise, LEAST_NOISE**2, float(self.windows.resolution[channel]) ** 2 / 12)
         slow = min(WHITE * white * total, SHOWN**2 * commanded)
-        told = np.count_nonzero(each > np.maximum(TOLD**2 * white, LEAST_SHOWN**2 * count)) >= FEWEST_WINDOWS
-        return bool(told and moved < max(slow, SURE * white * np.sqrt(2 * total)))
+        enough = np.count_nonzero(each > np.maximum(MOVED**2 * white, LEAST_SHOWN**2 * count)) >= FEWEST_WINDOWS
+        return bool(enough and moved < max(slow, SURE * white * np.sqrt(2 * total)))
 
     def still(self, channel: int) -> np.ndarray:
         """(W,) windows in which a channel is constant but for white noise and a slow walk."""
@@ -109,16 +109,16 @@ def standing(log: FlightLog, vehicle: Vehicle, settings: Settings) -> frozenset[
     motions = measure_motions(log, vehicle, settings)
     if motions is None:
         return frozenset()
-    told = enumerate(motions.windows.channels)
-    return frozenset(name for column, name in told if motions.still(column).mean() >= WHOLE)
+    columns = enumerate(motions.windows.channels)
+    return frozenset(name for column, name in columns if motions.still(column).mean() >= WHOLE)
 
 
 def _of_channel(log: FlightLog, motions: Motions, column: int) -> Iterator[Stillness]:
     windows = motions.windows
-    name, still, told = windows.channels[column], motions.still(column), motions.count[:, column] > 0
+    name, still, has_samples = windows.channels[column], motions.still(column), motions.count[:, column] > 0
     if not still.any():
         return
-    if still[told].mean() >= WHOLE:
+    if still[has_samples].mean() >= WHOLE:
         if motions.stands(column, still):
             yield Stillness(name)
         return

@@ -76,8 +76,8 @@ def _groups(still: Sequence[Stillness]) -> list[list[Stillness]]:
     """What stands still at the same time, together."""
     groups: list[list[Stillness]] = []
     for entry in sorted(still, key=lambda one: (one.episode is not None, one.episode or 0, one.first_s)):
-        alike = (group for group in groups if _at_once(group[0], entry))
-        group = next(alike, None)
+        together = (group for group in groups if _at_once(group[0], entry))
+        group = next(together, None)
         if group is None:
             groups.append([entry])
         else:
