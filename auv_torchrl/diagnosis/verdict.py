@@ -201,6 +201,9 @@ class EffectProbability:
     gap_closed: float | None = None
 
 
+OTHERS = "others"  # all alternatives that nobody acts on, together
+
+
 @dataclass(frozen=True)
 class Alternative:
     """One explanation of several of which one is true."""

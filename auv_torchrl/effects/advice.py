@@ -105,7 +105,7 @@ def thruster_swap(values: Values, autopilot: Values) -> tuple[Advice, ...]:
         there = {n: v for a, b in pairs for to, by in ((a, b), (b, a)) for n, v in _function(to, by, autopilot).items()}
         known = len(there) == 2 * len(pairs)
         either = "or set " + " and ".join(f"{n} to {v:g}" for n, v in there.items()) if known else (
-            "or " + " and ".join(f"SERVO{number}_FUNCTION" for pair in pairs for number in pair)
+            "or the values of " + ", and of ".join(f"SERVO{a}_FUNCTION and SERVO{b}_FUNCTION" for a, b in pairs)
         )  # fmt: skip
         found.append(Advice(f"exchange the plugs of motors {listed(pairs)}, {either}", there if known else {}))
     for to, by in others:

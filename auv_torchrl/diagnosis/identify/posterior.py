@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import FAINT, FOLLOWS, LITTLE, SHOWS, STANDS_IN
-from auv_torchrl.diagnosis.verdict import Alternative, Estimate
+from auv_torchrl.diagnosis.verdict import OTHERS, Alternative, Estimate
 from auv_torchrl.sysid.posterior import probabilities, weights
 
 NONE, UNKNOWN = "none", "unknown"
@@ -54,7 +54,7 @@ def alternatives(found: Found, unknown: float) -> tuple[Alternative, ...]:
     likely = [Alternative(*key, probability) for key, probability in weight.items() if probability >= LEAST_LISTED]
     rest = 1.0 - sum(one.probability for one in likely)
     if rest > 0.0:
-        likely.append(Alternative((), "others", rest))
+        likely.append(Alternative((), OTHERS, rest))
     return tuple(sorted(likely, key=lambda one: -one.probability))
 
 

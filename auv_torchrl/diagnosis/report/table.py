@@ -46,9 +46,8 @@ def summary_table(diagnosis: Diagnosis, printed: Collection[str] = ()) -> str:
             f"the vehicle's file, {percent(corrections[0].probability)}: {', '.join(unsure)} (values in report.html)"
         )
     if diagnosis.verdict not in (Verdict.EXPLAINED, Verdict.NO_GAP) and diagnosis.alternatives:
-        ranked = list(likely_causes(diagnosis).items())[:_ALTERNATIVES]
-        causes = "; ".join(f"{what} {percent(p)}" for what, p in ranked)
-        lines += ["", f"one of these: {causes}"] if len(ranked) > 1 else []
+        causes = [f"{what} {percent(p)}" for what, p in likely_causes(diagnosis, _ALTERNATIVES).items()]
+        lines += ["", f"one of these: {'; '.join(causes)}"] if len(causes) > 1 else []
     lines += ["", *_errors(diagnosis)]
     limits = (line for line in diagnosis.cannot_tell if not line.endswith(NOT_SHOWN))  # of those there are a dozen
     sections = {

@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis.summary import SUSPECT, suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import (
     FLOOR_ASSUMED,
+    OTHERS,
     Confirmation,
     Decision,
     Diagnosis,
@@ -48,7 +49,10 @@ def shown(estimate: Estimate) -> Shown:
     e = estimate
     factor, unit = scale(e.unit, _largest((e.value, e.low, e.high, e.nominal)))
     value, low, high = factor * e.value, factor * e.low, factor * e.high
-    return Shown(estimated(value, low, high), between(low, high), _round(factor * e.nominal), unit)
+    fitted = low < high or not math.isfinite(low) or not math.isfinite(high)
+    return Shown(
+        estimated(value, low, high) if fitted else _round(value), between(low, high), _round(factor * e.nominal), unit
+    )
 
 
 def _round(nominal: float) -> str:
@@ -213,6 +217,10 @@ def either(diagnosis: Diagnosis) -> dict[str, float]:
     return found
 
 
-def likely_causes(diagnosis: Diagnosis) -> dict[str, float]:
-    """The same, those that are worth a line."""
-    return {what: probability for what, probability in either(diagnosis).items() if probability >= LEAST_SHOWN}
+def likely_causes(diagnosis: Diagnosis, most: int | None = None) -> dict[str, float]:
+    """The same, at most so many of those that are worth a line; behind them what all others have together."""
+    every = either(diagnosis)
+    shown = [what for what, probability in every.items() if what != OTHERS and probability >= LEAST_SHOWN][:most]
+    causes = {what: every[what] for what in shown}
+    others = sum(every.values()) - sum(causes.values())
+    return causes | ({OTHERS: others} if others >= LEAST_SHOWN else {})

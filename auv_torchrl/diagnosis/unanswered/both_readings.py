@@ -18,7 +18,16 @@ from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_sou
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
 from auv_torchrl.diagnosis.unanswered.wording import named, stands_still, tell, tell_other_source
-from auv_torchrl.diagnosis.verdict import Alternative, Diagnosis, EffectProbability, Errors, FoundEffect, Gap, Verdict
+from auv_torchrl.diagnosis.verdict import (
+    OTHERS,
+    Alternative,
+    Diagnosis,
+    EffectProbability,
+    Errors,
+    FoundEffect,
+    Gap,
+    Verdict,
+)
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
 
@@ -163,12 +172,10 @@ def _both(
     """What all other channels leave open, beside a channel that does not answer; and the other reading."""
     other = BELIEVED * min((effect.probability for effect in others), default=0.0)
     still = stands_still(silent)
-    found = [
-        replace(
-            one, besides=" and ".join(filter(None, (one.besides, still))), probability=(1 - other) * one.probability
-        )
-        for one in rest
-    ]
+    found = []
+    for one in rest:
+        besides = one.besides if one.besides == OTHERS else " and ".join(filter(None, (one.besides, still)))
+        found.append(replace(one, besides=besides, probability=(1 - other) * one.probability))
     if others:
         found.append(Alternative(tuple(effect.name for effect in others), "", other))
     return tuple(sorted(found, key=lambda one: -one.probability))
