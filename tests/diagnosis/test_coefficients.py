@@ -218,8 +218,8 @@ def test_what_predicts_worse_is_vetoed(monkeypatch):
     module = sys.modules["auv_torchrl.diagnosis.log_search"]
     right = module.search
 
-    def misled(*how):
-        found = right(*how)
+    def misled(*how, **options):
+        found = right(*how, **options)
         wrong = Explanation((Term("buoyancy", ("force",), 20.0),))
         fit = fit_by_simulation(found.problem, wrong, found.follow, rounds=0)
         record = replace(found.trace.best, names=("buoyancy",))

@@ -30,7 +30,7 @@ def lazy(monkeypatch):
     def begin(*_, **__):
         raise AssertionError("work began")
 
-    monkeypatch.setattr(sys.modules["auv_torchrl.diagnosis.pipeline"], "explain", begin)
+    monkeypatch.setattr(sys.modules["auv_torchrl.diagnosis.pipeline"], "explain_log", begin)
 
 
 @pytest.mark.parametrize(
