@@ -40,6 +40,7 @@ _ADAPTATION = (
     "conf/adaptation", "conf/adapter",
 )  # fmt: skip
 _DIAGNOSIS = (*_MOTION, "auv_torchrl/diagnosis", "auv_torchrl/sensors", "conf/diagnosis")
+_READ = ("auv_torchrl/diagnosis", "auv_torchrl/sysid", "auv_torchrl/monitoring")
 _LOGS = (*_DIAGNOSIS, "auv_torchrl/flightlog")
 _ALIKE = (*_MOTION, "auv_torchrl/monitoring", "auv_torchrl/sensors")  # runs of one manoeuvre have a way of their own
 
@@ -97,6 +98,7 @@ SECTIONS = {
         _real("haizhe", _ALIKE, QUICK),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
+        Section("ablation.md", "size", _READ, SEALED, rows.of_size),
         Section("owners.md", "owners mocap", _DIAGNOSIS, SEALED, rows.of_owners),
         _underway("control", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK),
         _underway("paths", (*_AGENTS, "auv_torchrl/experiment", "conf/experiment/cruise.yaml", "conf/task"), QUICK),

@@ -61,6 +61,13 @@ def of_without(command: str) -> Labels:
     return _one([*PARTS, *DELETED])
 
 
+def of_size(command: str) -> Labels:
+    """Of what there is to read of the diagnosis."""
+    from benchmarks import size
+
+    return _one([*size.COUNTED, size.MUST])
+
+
 def of_dives(command: str) -> Labels:
     """Of the benchmark over many dives."""
     from auv_torchrl.vehicle import load_vehicle
