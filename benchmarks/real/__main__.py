@@ -1,9 +1,10 @@
 """``python -m benchmarks.real`` (``make real``): real vehicles and firmware, as far as their logs are at hand.
 
-Prints Markdown, section by section as they come; ``--publish`` writes it to ``docs/results/real.md`` instead. Each
-measurement is kept under ``outputs/real`` as soon as it is there, by a digest of the code: a killed run goes on when
-its command is given again, and no other version takes what it has left. Logs are looked for in the folder that
-``AUV_TORCHRL_DATA`` names, else in ``../shared/data``; what is absent is named.
+Prints Markdown, section by section as they come; ``--publish`` writes it to ``docs/results/real.md`` instead: the whole
+page, or the tables of the parts that are named. Each measurement is kept under ``outputs/real`` as soon as it is
+there, by a digest of the code: a killed run goes on when its command is given again, and no other version takes what
+it has left. Logs are looked for in the folder that ``AUV_TORCHRL_DATA`` names, else in ``../shared/data``; what is
+absent is named.
 """
 
 import argparse
@@ -46,8 +47,8 @@ def head(commit: str) -> str:
     return f"""\
 # Real vehicles and firmware
 
-`make real` measures all of this page at one commit and writes it; nothing here is written by hand. How the diagnosis
-works stands in [the diagnosis in ten sentences](../explanation/diagnosis.md).
+`make real` measures all of this page and writes it; a table says at which commit. Nothing here is written by hand. How
+the diagnosis works stands in [the diagnosis in ten sentences](../explanation/diagnosis.md).
 
 Commit `{commit}`, {today}, Python {platform.python_version()}, {versions}, {platform.machine()}.
 
@@ -106,12 +107,12 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA, help="folder with kth_bluerov2, ardusub_sitl, haizhe ...")
     parser.add_argument("--kept", type=Path, default=KEPT, help="where single measurements are kept")
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
-    parser.add_argument("--publish", action="store_true", help=f"write {PAGE.relative_to(PROJECT)}, with all parts")
+    parser.add_argument(
+        "--publish", action="store_true", help=f"write {PAGE.relative_to(PROJECT)}, or these parts of it"
+    )
     options = parser.parse_args()
     if unknown := set(options.parts) - set(PARTS):
         parser.error(f"no part named {', '.join(sorted(unknown))}: give some of {', '.join(PARTS)}")
-    if options.publish and options.parts:
-        parser.error("--publish writes all parts: leave their names out")
     try:
         commit = provenance.committed() if options.publish else "not committed"
     except ValueError as error:
@@ -123,12 +124,16 @@ def main() -> None:
     page = [head(commit)]
     for section, table in sections(wanted, options.data.resolve(), options.kept / code, options.jobs):
         begin, end = published.SECTIONS[PAGE.name, section.name].marks
+        if options.publish and options.parts:
+            own = f"python -m benchmarks.real {section.part} --publish"
+            published.publish(PAGE, section.name, table, own, commit)
+            continue
         line = provenance.made_by(COMMAND, commit) if options.publish else ""
         about = wrapped(f"{section.about} `{section.command}` prints this table alone.")
         page.append("\n\n".join([f"## {section.title}", about, begin, *([line] if line else []), table, end]) + "\n")
         if not options.publish:
             print(page[-1], flush=True)
-    if options.publish:
+    if options.publish and not options.parts:
         provenance.digest.cache_clear()
         if provenance.digest() != code:
             parser.error("the code was changed while it was measured: measure again, at one commit")

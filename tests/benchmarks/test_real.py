@@ -19,7 +19,7 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.published import SECTIONS as TABLES
 from benchmarks.published import problems
 from benchmarks.real import __main__ as page
-from benchmarks.real import altered, ardusub, haizhe
+from benchmarks.real import altered, ardusub, haizhe, rov2016
 from benchmarks.real.page import SECTIONS
 
 RUNS, ROWS = 40, 120
@@ -188,3 +188,37 @@ def test_more_than_full_command_is_refused(sound):
     """A log cannot have commands with which a thruster of a tenth would have pushed as a sound one did."""
     with pytest.raises(ValueError, match="thruster 2 .*take less"):
         altered.multiplied(2, 0.1)(sound[0])
+
+
+def test_a_run_of_2016_is_read_as_its_mapping_says(tmp_path):
+    """Outputs are held until they change, and stand in the order of the thrusters; rates are those of the sensors."""
+    vehicle, run = load_vehicle(rov2016.VEHICLE), "test1_roll_pitch"
+    t = np.arange(0, 4.0, 0.01)
+    names = ("roll", "pitch", "yaw", "p", "q", "r", "depth", "a_x", "a_y", "a_z")
+    columns = {name: np.round(0.1 * np.sin((1 + place) * t + place), 3) for place, name in enumerate(names)}
+    columns["a_z"] -= 9.8
+    lines = [",".join(["t", *(f"pwm_{n}" for n in range(1, 7)), *columns])]
+    for row, at in enumerate(t):
+        sent = [str(1500 + 40 * n * (-1) ** (row // 20)) if row % 20 == 0 else "" for n in range(1, 7)]
+        lines.append(",".join([f"{at:.3f}", *sent, *(f"{column[row]:.3f}" for column in columns.values())]))
+    (tmp_path / f"{rov2016.RUNS[run][0]}.csv.xz").write_bytes(lzma.compress("\n".join(lines).encode()))
+    log = rov2016.read(tmp_path, run, vehicle)
+    assert {"roll", "pitch", "yaw", "p", "q", "r"} <= set(log.axes)
+    command = np.concatenate([episode.commands for episode in log.episodes])
+    assert np.abs(command).max(0) == pytest.approx(np.arange(1, 7) / 10, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("pointed", "broken", "right"),
+    [
+        (rov2016.Pointed("partly_explained", "", 6, {6: 0.1}), 6, True),
+        (rov2016.Pointed("partly_explained", "", 6, {}), 6, True),
+        (rov2016.Pointed("partly_explained", "", 6, {5: 0.1}), 6, False),
+        (rov2016.Pointed("unexplained", "", None, {}), 6, False),
+        (rov2016.Pointed("unexplained", "", 1, {}), None, True),
+        (rov2016.Pointed("explained", "", 1, {1: 0.0}), None, False),
+    ],
+)
+def test_a_run_is_right_that_calls_no_sound_thruster_dead(pointed, broken, right):
+    """With a broken propeller it must point at that one, too."""
+    assert pointed.is_right(broken) is right
