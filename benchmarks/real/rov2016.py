@@ -1,9 +1,13 @@
-"""Runs of a real BlueROV of 2016, on one day of which a propeller was broken: which thruster does each run point at?
+"""``python -m benchmarks.real.rov2016``: runs of a real BlueROV of 2016; to which thruster does each of them point?
 
-The vehicle's file is of published estimates that differ by factors of two, no sound run is given, and each run is
-diagnosed by itself. The recordings have no position and no speed; those of April turn over.
+A six-thruster BlueROV in a pool (master's thesis, Linköping; github.com/MrEkelund/ExjobbROV): attitude, rates,
+accelerations and outputs, no position and no speed. On one day, in April, the propeller of thruster 6 was broken, and
+the runs of that day turn over; in May the controller moves thrusters 1, 2 and 5 together, and 3 and 4, and not 6. The
+vehicle's file is of published estimates that differ by factors of two, no sound run is given, and each run is diagnosed
+by itself. A run of April takes minutes.
 """
 
+import argparse
 import lzma
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,6 +23,7 @@ from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.flightlog import FlightLog, read_flightlog
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.vehicle import Vehicle, load_vehicle
+from benchmarks.real import DATA
 
 FOLDER = "exjobb_bluerov"
 HERE = Path(__file__).parent
@@ -121,3 +126,23 @@ def table(results: Iterable[Mapping[str, Any]]) -> Iterator[str]:
         f"{broken} of {brokens} runs with the broken propeller point at it (must 80 %, aim 95 %); in {sounds - sound} "
         f"of {sounds} in which all thrusters work one is called dead (must 0)."
     )
+
+
+def main() -> None:
+    """Diagnose what is there and print the table, line by line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("runs", nargs="*", help=f"of {', '.join(RUNS)}; all if not given")
+    parser.add_argument("--data", type=Path, default=DATA, help=f"folder with {FOLDER}/*.csv.xz")
+    options = parser.parse_args()
+    if unknown := set(options.runs) - set(RUNS):
+        parser.error(f"no run named {', '.join(sorted(unknown))}: give some of {', '.join(RUNS)}")
+    chosen = [run for run in RUNS if not options.runs or run in options.runs]
+    lacking = [lacks for run in chosen if (lacks := missing(options.data, run))]
+    if lacking:
+        parser.error("; ".join(lacking))
+    for line in table(measure(options.data, run) for run in chosen):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
