@@ -99,7 +99,10 @@ SECTIONS = {
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),
-        Section("owners.md", "owners mocap", _DIAGNOSIS, SEALED, rows.of_owners),
+        *(
+            Section("owners.md", f"owners {sensors}", _DIAGNOSIS, SEALED, rows.of_owners)
+            for sensors in ("mocap", "dvl")
+        ),
         _underway("control", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK),
         _underway("paths", (*_AGENTS, "auv_torchrl/experiment", "conf/experiment/cruise.yaml", "conf/task"), QUICK),
         _underway("dives", _DIAGNOSIS, SEALED),
