@@ -7,7 +7,7 @@ from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.unlike import unlike_thruster
-from auv_torchrl.diagnosis.localize.wording import said_of_map, seen_to_do
+from auv_torchrl.diagnosis.localize.wording import map_in_words, seen_to_do
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.wording import to_do
 from auv_torchrl.diagnosis.verdict import Slice, ThrustMap, Where
@@ -34,7 +34,7 @@ def test_what_a_thruster_does_at_each_command_is_said_from_its_map(act, said):
     """No effect is asked: a stalling thruster is none of the library, and is said likewise."""
     found = unlike(act)
     assert found is not None and found.thrust_map is not None and found.intermittence is None
-    assert said_of_map(found.thrust_map).replace("\u202f", " ") == said
+    assert map_in_words(found.thrust_map).replace("\u202f", " ") == said
 
 
 @pytest.mark.parametrize("act", ["comes_and_goes", pytest.param("wandering", marks=pytest.mark.thorough)])
