@@ -107,9 +107,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA, help="folder with kth_bluerov2, ardusub_sitl, haizhe ...")
     parser.add_argument("--kept", type=Path, default=KEPT, help="where single measurements are kept")
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
-    parser.add_argument(
-        "--publish", action="store_true", help=f"write {PAGE.relative_to(PROJECT)}, or these parts of it"
-    )
+    parser.add_argument("--publish", action="store_true", help=f"write {PAGE.name}, or these parts of it")
     options = parser.parse_args()
     if unknown := set(options.parts) - set(PARTS):
         parser.error(f"no part named {', '.join(sorted(unknown))}: give some of {', '.join(PARTS)}")

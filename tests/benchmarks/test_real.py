@@ -74,16 +74,12 @@ def test_runs_of_known_faults_are_told_apart(table):
 
 
 def test_what_is_absent_is_named(tmp_path, monkeypatch, capsys):
-    """With no logs at hand, every part says what it lacks, and nothing is published by half."""
+    """With no logs at hand, every part says what it lacks."""
     monkeypatch.setattr("sys.argv", ["real", "--data", str(tmp_path), "--kept", str(tmp_path / "kept")])
     page.main()
     shown = capsys.readouterr().out
     assert "run_11_40_38.csv" in shown
     assert "haizhe/train.parquet" in shown
-    monkeypatch.setattr("sys.argv", ["real", "haizhe", "--publish"])
-    with pytest.raises(SystemExit) as ended:
-        page.main()
-    assert ended.value.code == 2
 
 
 def counted(tmp_path, measure):
@@ -92,6 +88,23 @@ def counted(tmp_path, measure):
         SECTIONS[0], name="ardusub", labels=("one", "two"), missing=lambda data, label: "", measure=measure,
         lines=lambda results: (f"| {result['row']} |" for result in results),
     )  # fmt: skip
+
+
+def test_a_part_of_the_page_is_published_alone(tmp_path, monkeypatch):
+    """Its table is written with its commit, and what stands around it stays."""
+    document = tmp_path / "real.md"
+    document.write_text("# Head\n\n<!-- ardusub: begin -->\nold\n<!-- ardusub: end -->\n\nRest.\n")
+    monkeypatch.setattr(page, "PAGE", document)
+    monkeypatch.setattr(page, "SECTIONS", [counted(tmp_path, None)])
+    monkeypatch.setattr(page, "measure", lambda data, piece: {"row": piece[1]})
+    monkeypatch.setattr(page.provenance, "committed", lambda *paths: "abc1234")
+    monkeypatch.setattr(page.provenance, "age", lambda commit, paths: 0)
+    monkeypatch.setattr("sys.argv", ["real", SECTIONS[0].part, "--publish", "--kept", str(tmp_path / "kept")])
+    monkeypatch.setattr(page, "each", lambda make, pieces, jobs, in_order: map(make, pieces))
+    page.main()
+    text = document.read_text()
+    assert "| one |\n| two |" in text and "old" not in text and "`abc1234`" in text
+    assert text.startswith("# Head") and text.endswith("Rest.\n")
 
 
 def test_a_killed_run_goes_on_where_it_was(tmp_path, monkeypatch):

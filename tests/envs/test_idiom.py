@@ -6,7 +6,6 @@ from auv_torchrl.paths import PROJECT
 
 INSIDE = re.compile(r"_new_unsafe|torch\._C\b|(?<!\.)\btype\(\w+\) is\b")
 ASKED = {  # files that may, with the reason
-    "physics/kernel/tensors.py": "functorch has no public way to ask whether a tensor is wrapped",
     "link/job.py": "a bool is an int for isinstance, and no port",
 }
 
