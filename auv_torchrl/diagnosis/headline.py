@@ -48,14 +48,14 @@ def _short(effect: FoundEffect) -> str:
     clause = effect.sentence.rstrip(".")
     several = ";" in clause and len(effect.thrusters) > 1
     for shorter in () if several else (clause, clause.split(";")[0]):
-        hedged = how_sure(shorter, effect.probability)
-        if ";" not in hedged and _count(hedged) <= MOST_WORDS:
-            return hedged
+        shown = how_sure(shorter, effect.probability)
+        if ";" not in shown and _count(shown) <= MOST_WORDS:
+            return shown
     numbers = ", ".join(map(str, effect.thrusters))
     name = words(effect.name)
     where = f" of {counted(len(effect.thrusters), 'thruster')}: {numbers}" if numbers else ""
-    hedged = how_sure(f"{name}{where}", effect.probability)
-    return hedged if _count(hedged) <= MOST_WORDS else how_sure(name, effect.probability)
+    shown = how_sure(f"{name}{where}", effect.probability)
+    return shown if _count(shown) <= MOST_WORDS else how_sure(name, effect.probability)
 
 
 def _sound(diagnosis: Diagnosis) -> str:

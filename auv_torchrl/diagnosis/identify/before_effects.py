@@ -59,8 +59,8 @@ def tells_twice(problem: Problem) -> bool:
 def agreeing_sensor(problem: Problem) -> Explanation | None:
     """The change of one sensor under which windows are followed best; None where none helps much.
 
-    A compass that is turned to port and a Doppler log that is turned to starboard agree with positions as well as each
-    other. Thrusters tell which it is: under the other one a force is missing.
+    A compass that is turned to port agrees with positions as well as a Doppler log that is turned to starboard.
+    Thrusters tell which it is: under the other one a force is missing.
     """
     rows = np.unique(np.linspace(0, len(problem.windows) - 1, TRIED_WINDOWS).astype(int))
     some = problem.windows.subset(rows)

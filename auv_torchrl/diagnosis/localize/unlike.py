@@ -12,8 +12,8 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
-from auv_torchrl.diagnosis.localize.moments import changing_thruster
-from auv_torchrl.diagnosis.localize.thrust_map import measure_map
+from auv_torchrl.diagnosis.localize.moments import Moments, changing_thruster
+from auv_torchrl.diagnosis.localize.thrust_map import Mapped, measure_map
 from auv_torchrl.diagnosis.thresholds import CLOSES
 from auv_torchrl.diagnosis.verdict import Intermittence, ThrustMap
 from auv_torchrl.sysid.trace import Outcome
@@ -23,17 +23,38 @@ from auv_torchrl.sysid.trace import Outcome
 class Unlike:
     """A thruster that pushes otherwise than commanded, and what that is worth."""
 
-    thruster: int  # from 1
-    evidence: float  # log evidence of the log under this, and nothing else that is wrong
-    excess: float  # chi-square per number under this
-    before: float  # the same without it
-    intermittence: Intermittence | None  # where it gives all of its thrust or nothing, from moment to moment
-    thrust_map: ThrustMap | None  # where it gives the same at one command
+    moments: Moments
+    mapped: Mapped | None  # its map, where that has the higher evidence
+
+    @property
+    def thruster(self) -> int:
+        """Its number, from 1."""
+        return self.moments.thruster
+
+    @property
+    def evidence(self) -> float:
+        """Log evidence of the log under this, and nothing else that is wrong."""
+        return (self.mapped or self.moments).evidence
+
+    @property
+    def excess(self) -> float:
+        """Chi-square per number under this."""
+        return (self.mapped or self.moments).excess
+
+    @property
+    def intermittence(self) -> Intermittence | None:
+        """Where it gives all of its thrust or nothing, from moment to moment."""
+        return None if self.mapped else self.moments.intermittence()
+
+    @property
+    def thrust_map(self) -> ThrustMap | None:
+        """Where it gives the same at one command."""
+        return self.mapped and self.mapped.measured
 
     @property
     def explains(self) -> bool:
         """Whether it leaves too little for any effect beside it."""
-        return self.excess - 1 < CLOSES * (self.before - 1)
+        return self.excess - 1 < CLOSES * (self.moments.before - 1)
 
 
 def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
@@ -41,24 +62,8 @@ def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
     moments = changing_thruster(problem, path)
     if moments is None:
         return None
-    found = Unlike(
-        moments.thruster,
-        moments.evidence,
-        moments.excess,
-        moments.before,
-        moments.intermittence(),
-        thrust_map=None,
-    )
     mapped = measure_map(problem, path, moments.thruster)
-    if mapped is None or not mapped.evidence > moments.evidence:
-        return found
-    return replace(
-        found,
-        evidence=mapped.evidence,
-        excess=mapped.excess,
-        intermittence=None,
-        thrust_map=mapped.measured,
-    )
+    return Unlike(moments, mapped if mapped is not None and mapped.evidence > moments.evidence else None)
 
 
 def evidence_of_unlike(problem: Problem, path: WindowPath) -> float:
