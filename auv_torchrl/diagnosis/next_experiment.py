@@ -4,6 +4,9 @@ What is in doubt is said as the diagnosis says it: two explanations that are bot
 it likes while any other one may do so too. A manoeuvre is worth the difference that it makes between them, in noise.
 """
 
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.equivalence import alternatives
@@ -44,56 +47,77 @@ STICKS = {
 }
 
 
-def by_hand(name: str) -> str:
-    """A manoeuvre of :func:`manoeuvres` as its pilot does it: with the sticks, or with the motor test."""
-    if name.startswith("pulse thruster "):
-        return (
-            f"in the motor test of the ground station run thruster {name.split()[2]} at {percent(SIZE)} for 1.5 s, "
-            "rest 1.5 s, run it the other way for 1.5 s, rest 1.5 s; twice"
-        )
-    if name.startswith("a series of rising pulses of thruster "):
-        sizes = ", ".join(percent(size) for size in SIZES)
-        return (
-            f"in the motor test of the ground station run thruster {name.split()[7]} for {MOMENT_S:g} s forwards and "
-            f"{MOMENT_S:g} s backwards, at {sizes} in turn"
-        )
-    if name.startswith("drift"):
-        return f"let go of all sticks for {SECONDS:.0f} s"
-    channel = next(word for word in name.split() if word in STICKS)
-    reach = SIZE * (YAW_REACH if channel == "yaw" else 1.0)
-    if name.startswith("steps"):
-        sizes = f"3 s each way at {percent(reach / 2)}, then 3 s each way at {percent(reach)}"
-        return f"push the stick {STICKS[channel]}, {sizes}; let go of the others"
-    if name.startswith("a sweep"):
-        swings = f"at {percent(reach)} for {SECONDS:.0f} s, from one swing in 10 s to more than one a second"
-        return f"swing the stick {STICKS[channel]} {swings}; let go of the others"
-    return f"hold {channel} at {percent(STEADY)} and yaw at {percent(TURNING)} for {SECONDS:.0f} s"
+class Manoeuvre(NamedTuple):
+    """What is commanded, and how a pilot does the same."""
+
+    commands: Floats  # (T, n)
+    by_hand: str  # with the sticks, or with the motor test
 
 
-def manoeuvres(vehicle: Vehicle) -> dict[str, Floats]:
-    """Commands (T, n) by description: a pulse per thruster, steps and sweeps per channel, and turns under way."""
-    steps = round(SECONDS / CONTROL_DT)
-    t = np.arange(steps) * CONTROL_DT
+def manoeuvres(vehicle: Vehicle) -> dict[str, Manoeuvre]:
+    """By description: pulses of each thruster, steps and sweeps of each channel, turns under way, and a drift."""
+    t = np.arange(round(SECONDS / CONTROL_DT)) * CONTROL_DT
+    alone = {name: one for i in range(vehicle.thrusters) for name, one in _of_thruster(i, t, vehicle.thrusters)}
+    drift = Manoeuvre(np.zeros((len(t), vehicle.thrusters)), f"let go of all sticks for {SECONDS:.0f} s")
+    found = {**alone, **dict(_of_channels(t, vehicle)), "drift without any command": drift}
+    return {name: one._replace(commands=np.clip(one.commands, -1.0, 1.0)) for name, one in found.items()}
+
+
+def _of_thruster(own: int, t: Floats, thrusters: int) -> Iterator[tuple[str, Manoeuvre]]:
+    """Pulses of one thruster, from 0, at times (T,): at one size, and rising."""
     pulse = np.where(t % 6 < 1.5, 1.0, np.where((t % 6 > 3) & (t % 6 < 4.5), -1.0, 0.0)) * SIZE
     turn = np.minimum(t // MOMENT_S, 2 * len(SIZES) - 1).astype(int)
     rising = np.array([way * size for size in SIZES for way in (1.0, -1.0)])[turn]
-    found = {}
-    for i in range(vehicle.thrusters):
-        found[f"pulse thruster {i + 1} alone"] = pulse[:, None] * np.eye(vehicle.thrusters)[i]
-        found[f"a series of rising pulses of thruster {i + 1} alone"] = rising[:, None] * np.eye(vehicle.thrusters)[i]
+    run, column = f"in the motor test of the ground station run thruster {own + 1}", np.eye(thrusters)[own]
+    yield (
+        f"pulse thruster {own + 1} alone",
+        Manoeuvre(
+            pulse[:, None] * column,
+            f"{run} at {percent(SIZE)} for 1.5 s, rest 1.5 s, run it the other way for 1.5 s, rest 1.5 s; twice",
+        ),
+    )
+    sizes = ", ".join(percent(size) for size in SIZES)
+    yield (
+        f"a series of rising pulses of thruster {own + 1} alone",
+        Manoeuvre(
+            rising[:, None] * column,
+            f"{run} for {MOMENT_S:g} s forwards and {MOMENT_S:g} s backwards, at {sizes} in turn",
+        ),
+    )
+
+
+def _of_channels(t: Floats, vehicle: Vehicle) -> Iterator[tuple[str, Manoeuvre]]:
+    """Steps and sweeps of each channel at times (T,), and turns under way."""
     mixer = vehicle.mixer[:, list(CONTROLLED_INDEX)]
     chirp = SIZE * np.sin(2 * np.pi * (0.1 + 0.06 * t) * t)
     stairs = SIZE * np.sign(np.sin(2 * np.pi * t / 6)) * np.where(t < 6, 0.5, 1.0)
     for column, name in enumerate(CONTROLLED):
-        reach = YAW_REACH if name == "yaw" else 1.0
-        found[f"steps of {name} at two sizes"] = stairs[:, None] * reach * mixer[:, column]
-        found[f"a sweep of {name} from slow to fast"] = chirp[:, None] * reach * mixer[:, column]
-    for column, name in enumerate(CONTROLLED[:2]):
-        found[f"steady {name} while turning slowly"] = (
-            STEADY * mixer[:, column] + TURNING * mixer[:, 3] + 0 * t[:, None]
+        share = YAW_REACH if name == "yaw" else 1.0
+        reach = SIZE * share
+        sizes = f"3 s each way at {percent(reach / 2)}, then 3 s each way at {percent(reach)}"
+        yield (
+            f"steps of {name} at two sizes",
+            Manoeuvre(
+                stairs[:, None] * share * mixer[:, column],
+                f"push the stick {STICKS[name]}, {sizes}; let go of the others",
+            ),
         )
-    found["drift without any command"] = np.zeros((steps, vehicle.thrusters))
-    return {name: np.clip(commands, -1.0, 1.0) for name, commands in found.items()}
+        swings = f"at {percent(reach)} for {SECONDS:.0f} s, from one swing in 10 s to more than one a second"
+        yield (
+            f"a sweep of {name} from slow to fast",
+            Manoeuvre(
+                chirp[:, None] * share * mixer[:, column],
+                f"swing the stick {STICKS[name]} {swings}; let go of the others",
+            ),
+        )
+    for column, name in enumerate(CONTROLLED[:2]):
+        yield (
+            f"steady {name} while turning slowly",
+            Manoeuvre(
+                STEADY * mixer[:, column] + TURNING * mixer[:, 3] + 0 * t[:, None],
+                f"hold {name} at {percent(STEADY)} and yaw at {percent(TURNING)} for {SECONDS:.0f} s",
+            ),
+        )
 
 
 def choose_experiment(problem: Problem, found: Found, verdict: Verdict, where: Where) -> NextExperiment | None:
@@ -132,7 +156,11 @@ def separate(problem: Problem, one: tuple[str, Explanation], other: tuple[str, E
     vehicle = problem.vehicle
     pair = batch(vehicle, [explanation.values(vehicle) for _, explanation in (one, other)])
     plans = manoeuvres(vehicle)
-    flown = _fly(problem, pair[np.tile(np.arange(2), len(plans))], np.repeat(np.stack(list(plans.values())), 2, axis=0))
+    flown = _fly(
+        problem,
+        pair[np.tile(np.arange(2), len(plans))],
+        np.repeat(np.stack([plan.commands for plan in plans.values()]), 2, axis=0),
+    )
     apart = _apart(problem, flown[0::2], flown[1::2])
     best, distance = _farthest(dict(zip(plans, np.sqrt((apart**2).mean((1, 2))).tolist(), strict=True)))
     if not distance > SEPARATES:
@@ -150,7 +178,7 @@ def watch(problem: Problem, found: Found, thruster: int) -> NextExperiment | Non
     vehicle = problem.vehicle
     now = batch(vehicle, [found.best.explanation.values(vehicle)])
     plans = manoeuvres(vehicle)
-    best, nats = _farthest({name: _shows(problem, now, plan, thruster - 1) for name, plan in plans.items()})
+    best, nats = _farthest({name: _shows(problem, now, plan.commands, thruster - 1) for name, plan in plans.items()})
     if not nats > SHOWS:
         return None
     return _planned(best, f"what thruster {thruster} gives at each command, whatever the others do", plans[best])
@@ -197,9 +225,10 @@ def _called(explanation: Explanation) -> str:
     return " + ".join(explanation.effects) or "no effect"
 
 
-def _planned(name: str, tells: str, commands: Floats) -> NextExperiment:
-    t = CONTROL_DT * np.arange(len(commands), dtype=np.float64)
-    return NextExperiment(f"{name} tells {tells}", by_hand=by_hand(name), tells=tells, t=t, thruster_commands=commands)
+def _planned(name: str, tells: str, plan: Manoeuvre) -> NextExperiment:
+    t = CONTROL_DT * np.arange(len(plan.commands), dtype=np.float64)
+    why = f"{name} tells {tells}"
+    return NextExperiment(why, by_hand=plan.by_hand, tells=tells, t=t, thruster_commands=plan.commands)
 
 
 def _farthest(distances: dict[str, float]) -> tuple[str, float]:

@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.next_experiment import by_hand, choose_experiment, explore, manoeuvres
+from auv_torchrl.diagnosis.next_experiment import choose_experiment, explore, manoeuvres
 from auv_torchrl.diagnosis.verdict import Verdict, Where
 from auv_torchrl.vehicle import load_vehicle
 
@@ -101,7 +101,7 @@ def test_nothing_is_planned_without_a_lead():
 
 def test_every_manoeuvre_is_said_for_a_pilot():
     """Each has sticks or a motor test in words, with sizes and seconds, and no name of the program."""
-    told = {name: by_hand(name).replace("\u202f", " ") for name in manoeuvres(PAPER)}
+    told = {name: plan.by_hand.replace("\u202f", " ") for name, plan in manoeuvres(PAPER).items()}
     assert all(" s" in text and "_" not in text for text in told.values()) and len(set(told.values())) == len(told)
     steps, pulse = told["steps of yaw at two sizes"], told["pulse thruster 3 alone"]
     assert steps.startswith("push the stick to turn right and left, 3 s each way at 8 %, then 3 s each way at 16 %")
@@ -110,6 +110,6 @@ def test_every_manoeuvre_is_said_for_a_pilot():
 
 def test_manoeuvres_are_gentle_and_come_to_an_end():
     """All commands are within half of the full one, and no manoeuvre is longer than 15 s."""
-    for name, commands in manoeuvres(PAPER).items():
+    for name, (commands, _) in manoeuvres(PAPER).items():
         assert np.abs(commands).max() <= 0.5, name
         assert len(commands) * 0.05 <= 15.0
