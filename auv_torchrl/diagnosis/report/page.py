@@ -182,10 +182,10 @@ def _clear_axes(where: Where, effects: Iterable[FoundEffect]) -> list[str]:
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """The few numbers beside the verdict."""
-    closed = diagnosis.gap.closed if diagnosis.effects else None  # by what was named
-    facts = [("of the gap closed", percent(closed))] if closed is not None else []
     if not diagnosis.effects and diagnosis.verdict is not Verdict.NO_GAP:
         return []  # what was not explained has no numbers to show
+    closed = diagnosis.gap.closed
+    facts = [("of the gap closed", percent(closed))] if closed is not None else []
     widest_gaps = sorted(
         (kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2])
     )
