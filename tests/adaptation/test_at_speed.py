@@ -71,7 +71,7 @@ def task_axes(name):
     ("name", "fault"),
     [
         ("remus100", "fin_stuck"),
-        ("otter", "swap"),
+        pytest.param("otter", "swap", marks=pytest.mark.thorough),
         pytest.param("milliampere", "azimuth_offset", marks=pytest.mark.thorough),
         pytest.param("milliampere", None, marks=pytest.mark.thorough),
         pytest.param("remus100", "fin_reversed", marks=pytest.mark.thorough),

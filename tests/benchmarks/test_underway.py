@@ -103,7 +103,7 @@ def test_a_dive_with_a_fault_of_a_fin_and_a_healthy_one_are_diagnosed():
     assert healthy.named and healthy.kind == HEALTHY
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_servo_of_an_azimuth_thruster_is_named():
     """One that stands off its middle, and nothing beside."""
     ferry = load_vehicle("milliampere")
