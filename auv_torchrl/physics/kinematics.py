@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import like
+
 Array = Any
 
 
@@ -84,7 +86,7 @@ def rotation_and_rate(quaternion: Array, angular_velocity: Array) -> tuple[Array
 def _factors(quaternion: Array) -> tuple[Array, Array]:
     """E and G ``(..., 3, 4)``."""
     xp, batch = array_namespace(quaternion), quaternion.shape[:-1]
-    factors = normalise(quaternion) @ xp.asarray(_FACTORS, dtype=quaternion.dtype, device=quaternion.device)
+    factors = normalise(quaternion) @ xp.asarray(_FACTORS, **like(quaternion))
     factors = factors.reshape(*batch, 2, 3, 4)
     return factors[..., 0, :, :], factors[..., 1, :, :]
 

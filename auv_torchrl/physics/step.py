@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from array_api_compat import array_namespace
 
+from auv_torchrl.array_api import like
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.fins import fin_wrench
 from auv_torchrl.physics.hydrodynamics import acceleration
@@ -36,10 +37,10 @@ def rest_state(position: Array, quaternion: Array, velocity: Array, thrusters: i
     """State with silent thrusters: ``position`` (..., 3), ``quaternion`` (..., 4), ``velocity`` (..., 6)."""
     xp = array_namespace(position, quaternion, velocity)
     batch = position.shape[:-1]
-    like = {"dtype": position.dtype, "device": position.device}
+    kind = like(position)
     return State(
         position, quaternion, velocity,
-        xp.zeros((*batch, thrusters), **like), xp.zeros((*batch, memory, thrusters), **like), xp.zeros(batch, **like),
+        xp.zeros((*batch, thrusters), **kind), xp.zeros((*batch, memory, thrusters), **kind), xp.zeros(batch, **kind),
     )  # fmt: skip
 
 

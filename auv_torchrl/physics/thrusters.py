@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from array_api_compat import array_namespace
+from array_api_compat import array_namespace, device
 
 from auv_torchrl.physics.azimuths import azimuth_wrench
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
@@ -30,7 +30,7 @@ def delayed(memory: Array, delay: Array, control_dt: float) -> Array:
     """
     xp = array_namespace(memory, delay)
     length = memory.shape[-2]
-    age = xp.astype(xp.arange(length, device=memory.device), memory.dtype)
+    age = xp.astype(xp.arange(length, device=device(memory)), memory.dtype)
     steps = xp.clip(delay / control_dt, 0.0, float(length - 1))
     weight = xp.clip(1.0 - xp.abs(age - steps[..., None]), 0.0, 1.0)
     return xp.sum(weight[..., None] * memory, axis=-2)
