@@ -82,6 +82,7 @@ SECTIONS = {
     (section.document, section.name): section
     for section in (
         _bench("env_steps", _FLEET),
+        _bench("simulated_seconds", _FLEET),
         _bench("sac_updates", ("auv_torchrl/agents", "conf/agent")),
         _bench("time_to_error", _AGENTS),
         _bench("agents", _SCENARIOS),

@@ -112,6 +112,12 @@ def _env_steps() -> Labels:
     return _one(map(str, SIZES))
 
 
+def _simulated_seconds() -> Labels:
+    from benchmarks.control.engines import ENGINES
+
+    return _one(ENGINES)
+
+
 def _sac_updates() -> Labels:
     from benchmarks.control.sac_updates import OURS, THEIRS
 
@@ -173,7 +179,7 @@ def _comparison() -> Labels:
 
 
 _BENCH: dict[str, Callable[[], Any]] = {
-    "env_steps": _env_steps, "sac_updates": _sac_updates, "time_to_error": _time_to_error, "agents": _agents,
-    "table2": _table2, "fault_recovery": _fault_recovery, "tank_run": _tank_run, "tracking": _tracking,
-    "tasks": _tasks, "comparison": _comparison,
+    "env_steps": _env_steps, "simulated_seconds": _simulated_seconds, "sac_updates": _sac_updates,
+    "time_to_error": _time_to_error, "agents": _agents, "table2": _table2, "fault_recovery": _fault_recovery,
+    "tank_run": _tank_run, "tracking": _tracking, "tasks": _tasks, "comparison": _comparison,
 }  # fmt: skip

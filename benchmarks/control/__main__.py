@@ -23,6 +23,7 @@ from benchmarks.published import SECTIONS, publish
 DOCUMENT = PROJECT / "docs" / "results" / "benchmarks.md"
 PARTS = {  # module: what it measures
     "env_steps": "Control steps per second of the fleets",
+    "simulated_seconds": "Simulated seconds per second of one core",
     "sac_updates": "SAC updates per second",
     "time_to_error": "Training time to an error",
     "agents": "Agents",
@@ -34,8 +35,11 @@ PARTS = {  # module: what it measures
     "comparison": "All methods in all scenarios",
 }
 PACKAGES = ("torch", "torchrl", "tensordict", "mujoco", "dm-control", "gymnasium", "numpy")
-RIVAL = "stable-baselines3"
-COMPARED = ("sac_updates", "time_to_error")  # parts that measure it, too
+RIVALS = {  # packages that parts measure, too
+    "sac_updates": ("stable-baselines3",),
+    "time_to_error": ("stable-baselines3",),
+    "simulated_seconds": ("stable-baselines3", "jax"),
+}
 
 
 def machine(packages: Sequence[str] = PACKAGES) -> str:
@@ -87,7 +91,7 @@ def main() -> int:
     if unknown := set(names) - set(PARTS):
         parser.error(f"no part named {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
     try:
-        for package in (*PACKAGES, *([RIVAL] if set(names) & set(COMPARED) else [])):
+        for package in (*PACKAGES, *(rival for name in names for rival in RIVALS.get(name, ()))):
             version(package)
         commits = {name: provenance.committed(SECTIONS[DOCUMENT.name, name].measures) for name in names}
     except PackageNotFoundError as error:
@@ -96,7 +100,7 @@ def main() -> int:
         parser.error(f"{error}; python -m benchmarks.control.NAME prints without publishing")
     failed = 0
     for name in names:
-        where = machine((*PACKAGES, RIVAL) if name in COMPARED else PACKAGES)
+        where = machine((*PACKAGES, *RIVALS.get(name, ())))
         text = measure(name)
         if text is None:
             failed += 1
