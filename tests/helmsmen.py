@@ -3,6 +3,15 @@
 import torch
 from tensordict.nn import TensorDictModule
 
+from auv_torchrl.tasks import Cruise
+
+CRUISE = Cruise()
+
+
+def _turning(seen_error, heading):
+    """Yaw rate, less that of the way, which the observed error of the turning has beside the turn to the heading."""
+    return CRUISE.turn_rate * seen_error + CRUISE.turning_towards(-heading)
+
 
 def helmsman_of_vessel(turn=0.8, damping=0.5):
     """Proportional on heading and speed, with damping in yaw; reads the observation of a surface vessel."""
@@ -10,7 +19,8 @@ def helmsman_of_vessel(turn=0.8, damping=0.5):
     def steer(seen):
         heading = torch.atan2(seen[..., 3], seen[..., 4])
         surge = 0.7 - 0.5 * seen[..., 0]
-        return torch.stack((surge, turn * heading - damping * seen[..., 2]), dim=-1).clamp(-1.0, 1.0)
+        yaw = turn * heading - damping * _turning(seen[..., 2], heading)
+        return torch.stack((surge, yaw), dim=-1).clamp(-1.0, 1.0)
 
     return TensorDictModule(steer, in_keys=["observation"], out_keys=["action"])
 
@@ -27,7 +37,7 @@ def helmsman_of_torpedo(task):
         )  # nose down to go down; it floats, and its hull and its tail push down
         surge = 0.6 - 0.5 * named["surge_speed_error"]
         stern = 0.34 + 5.0 * (pitch + named["down_x"]) - 2.0 * named["pitch_rate"]
-        rudder = 8.0 * heading - 4.0 * named["yaw_rate"]
+        rudder = 8.0 * heading - 4.0 * _turning(named["turning_error"], heading)
         return torch.stack((surge, stern, rudder), dim=-1).clamp(-1.0, 1.0)
 
     return TensorDictModule(steer, in_keys=["observation"], out_keys=["action"])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Array = Any
 Weight = Annotated[float, In("[0, 1000]")]
 
-_SURFACE = ("surge_speed_error", "sway_speed", "yaw_rate", "heading_error_sin", "heading_error_cos")
+_SURFACE = ("surge_speed_error", "sway_speed", "turning_error", "heading_error_sin", "heading_error_cos")
 _DEPTH = ("heave_speed", "far_z", "near_z")
 _TILT = ("roll_rate", "pitch_rate", "down_x", "down_y")
 
@@ -54,6 +54,9 @@ class Cruise(Underway):
     start_tilt: Annotated[float, In("[0, 1.5]")] = 0.1  # rad, start roll and pitch are uniform within this
     ahead_s: Annotated[float, In("[0, 100]")] = 2.0  # s, rewarded depths are those in so long a time, as it now sinks
     steepest: Annotated[float, In("(0, 1.5]")] = 0.3  # rad, at which it is to sink or rise where it is far off
+    turn_rate: Annotated[float, In("(0, 10]")] = 0.1  # rad/s, with which it is to turn where it is far off: by the
+    # speed 15 m of radius, which a torpedo can end with one rudder out of two
+    turn_s: Annotated[float, In("(0, 100]")] = 2.0  # s, in which the last of the error of heading is to fall to 37 %
     depth_weight: Weight = 1.0  # 1/m
     heading_weight: Weight = 1.0  # 1/rad
     speed_weight: Weight = 0.5  # s/m
@@ -96,7 +99,13 @@ class Cruise(Underway):
         """What is off in a depth and a heading that stay the same."""
         xp = array_namespace(position)
         zero = xp.zeros_like(position[..., 2])
-        return Steering(heading_of(quaternion), position[..., 2] if self.dives else zero, zero, zero)
+        heading = heading_of(quaternion)
+        return Steering(heading, position[..., 2] if self.dives else zero, zero, self.turning_towards(heading))
+
+    def turning_towards(self, heading: Array) -> Array:
+        """Yaw rate (...) in rad/s that is wanted at errors of heading (...) in rad."""
+        xp = array_namespace(heading)
+        return -self.turn_rate * xp.tanh(least_turn(heading) / (self.turn_s * self.turn_rate))
 
     def miss(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
         """Depth error, a metre for each radian of the heading error, and half a metre for each m/s of speed."""
@@ -108,7 +117,7 @@ class Cruise(Underway):
         """Observation (..., d) of measured position (..., 3), quaternion (..., 4) and body velocity (..., 6)."""
         xp = array_namespace(position, quaternion, velocity)
         rotation, off = rotation_matrix(quaternion), self.steering(position, quaternion, velocity)
-        turning = velocity[..., 5] - off.turning
+        turning = (velocity[..., 5] - off.turning) / self.turn_rate  # of order 1, as other entries
         parts = [velocity[..., 0] - self.speed, velocity[..., 1], turning, xp.sin(-off.heading), xp.cos(off.heading)]
         if self.dives:
             error = -off.depth
@@ -129,7 +138,7 @@ class Cruise(Underway):
         turning = xp.sqrt(xp.sum(rates**2, axis=-1) + 1e-12) - 1e-6  # with a slope at rest
         return -(
             self.depth_weight * xp.abs(self._expected_depth(off.depth, quaternion, velocity))
-            + self.heading_weight * xp.abs(least_turn(off.heading))
+            + self.heading_weight * self.turn_s * xp.abs(velocity[..., 5] - off.turning)
             + self.speed_weight * xp.abs(velocity[..., 0] - self.speed)
             + self.turning_weight * turning
             + self.action_weight * xp.sqrt(xp.sum(action**2, axis=-1))

@@ -180,7 +180,8 @@ class Route(Cruise):
         slip = xp.atan2(velocity[..., 1], xp.clip(velocity[..., 0], _SLOWEST * self.speed, None))
         heading = heading_of(quaternion) + slip - course + xp.atan2(across, xp.full_like(across, self.lookahead_m))
         depth = away[..., 2] if self.dives else xp.zeros_like(across)
-        return Steering(heading, depth, across, self.speed * self.track.curvature(position))
+        turning = self.speed * self.track.curvature(position) + self.turning_towards(heading)
+        return Steering(heading, depth, across, turning)
 
     def draw_along(self, count: int, generator: "torch.Generator") -> "Tensor":
         """How far along the route episodes begin, (count,) s, float64."""

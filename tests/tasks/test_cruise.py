@@ -79,6 +79,36 @@ def test_only_depth_and_heading_are_errors():
     np.testing.assert_allclose(task.reference(time).nearest(position)[1], [0.0, 0.0, 0.0])
 
 
+def test_a_turn_is_wanted_at_a_rate_that_ends_with_the_error():
+    """Far off who turns at the rate loses nothing, faster or slower does; near by the rate falls with the error."""
+    task = Cruise(depth_weight=0.0, speed_weight=0.0, turning_weight=0.0, action_weight=0.0)
+
+    def lost(heading, rate):
+        quaternion = quaternion_from_euler(*np.zeros(2), np.array(heading))
+        velocity = np.array([1.5, 0.0, 0.0, 0.0, 0.0, rate])
+        return -float(task.reward(np.zeros(3), quaternion, velocity, np.zeros(3), np.zeros(())))
+
+    assert lost(1.0, -task.turn_rate) == pytest.approx(0.0, abs=1e-4)
+    assert lost(1.0, -0.3) == pytest.approx(task.turn_s * 0.2, abs=1e-4)
+    assert lost(-1.0, 0.0) == pytest.approx(task.turn_s * task.turn_rate, abs=1e-4)
+    assert lost(0.01, -0.01 / task.turn_s) == pytest.approx(0.0, abs=1e-5)
+    assert lost(2 * math.pi + 0.01, 0.0) == pytest.approx(0.01, rel=1e-2)
+
+
+def test_the_error_of_the_turning_is_seen_in_rates_of_a_turn():
+    """A vehicle that is to turn to port and goes straight on is off by one; one that turns so, by nothing."""
+    task = Cruise().fitted(OTTER)
+    east = quaternion_from_euler(*np.zeros(2), np.array(math.pi / 2))
+
+    def seen(rate):
+        velocity = np.array([1.5, 0.0, 0.0, 0.0, 0.0, rate])
+        observed = task.observe(np.zeros(3), east, velocity, np.zeros(()))
+        return dict(zip(task.observation_names, observed, strict=True))["turning_error"]
+
+    assert seen(0.0) == pytest.approx(1.0, abs=1e-3)
+    assert seen(-task.turn_rate) == pytest.approx(0.0, abs=1e-3)
+
+
 def test_starts_are_under_way_within_what_is_asked_for():
     """Depth, heading and speed; a vessel that does not dive starts at the surface."""
     position, quaternion, velocity = Cruise().draw_starts(500, torch.Generator().manual_seed(0))
