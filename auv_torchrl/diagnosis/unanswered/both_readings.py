@@ -47,7 +47,7 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: O
     still = find_stillness(log, vehicle, settings)
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
-        return _unless_of_another_source(log, settings, *once(log, 0.0, 0.8), once)
+        return _unless_of_another_source(log, settings, *once(log, 0.0, 0.9))
     rest, whole = None, _is_all(log, vehicle, settings, still)
     if not whole:
         rest, still = _explain_others(log, settings, still, once)
@@ -58,22 +58,18 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: O
     return _beside(rest, logged, silent) if rest else _alone(logged, silent)
 
 
-def _unless_of_another_source(
-    log: FlightLog, settings: Settings, logged: Diagnosis, found: Found, once: Once
-) -> Diagnosis:
+def _unless_of_another_source(log: FlightLog, settings: Settings, logged: Diagnosis, found: Found) -> Diagnosis:
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
-    false = find_other_source(log, found.problem, settings)
-    others = without(log, false) if false else None
-    try:
-        if others is None or not fit_the_vehicle(others, found.problem, settings):
-            return logged
-        rest = once(others, 0.8, 1.0)[0]
-    except FlightLogError:  # too little is left to explain
-        return logged
-    silent = tell_other_source(blamed(false), len(log.episodes))
-    return _beside(rest, logged, silent) if rest.verdict is Verdict.NO_GAP else logged
+    for false in find_other_source(log, found.problem, settings):
+        names, episodes = {entry.channel for entry in false}, len(log.episodes)
+        if names >= set(log.axes):
+            return _alone(logged, tell_other_source(false, episodes, whole=True))
+        others = without(log, [Stillness(name) for name in sorted(names)])
+        if others is not None and fit_the_vehicle(others, found.problem, settings):
+            return _alone(logged, tell_other_source(blamed(false), episodes))
+    return logged
 
 
 def _is_all(log: FlightLog, vehicle: Vehicle, settings: Settings, still: Sequence[Stillness]) -> bool:

@@ -32,14 +32,27 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
     return tuple(_finding(group, whole, episodes) for group in _groups(still))
 
 
-def tell_other_source(false: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
-    """The finding about the channels of one source that do not follow the vehicle, all along or from a moment on."""
+def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = False) -> tuple[Finding, ...]:
+    """The finding about channels that do not follow the vehicle, all along or from a moment on.
+
+    Args:
+        false: these channels, of one source or all of the log.
+        episodes: of the log: of one, its number is not told.
+        whole: whether these are all channels.
+    """
     channels = tuple(sorted({entry.channel for entry in false}, key=CHANNELS.index))
     name, when = named(channels), ""
     if (first := false[0]).episode is not None:
         when = f"from {first.first_s:.0f} s" + (f" of episode {first.episode}" if episodes > 1 else "") + " on "
-    sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
-    remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
+    if whole:
+        sentence = (
+            f"{when}nothing of what the thrusters should do shows in any channel: {name} are of another time or "
+            "vehicle than the commands, or the thrusters have no power and something else moves the vehicle"
+        )
+        remedy = f"Look whether commands and {name} are of one dive and one clock, and whether the thrusters have power"
+    else:
+        sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
+        remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
     return (Finding(Severity.WARNING, CODE, sentence, remedy, channels),)
 
 
