@@ -59,9 +59,11 @@ def test_the_map_that_is_found_is_that_of_the_vehicle():
     ("effect", "parameter", "late_s"),
     [
         ("command_delay", "delay", 0.24),
-        ("thruster_lag", "time_constant", 0.32),
         *(pytest.param("command_delay", "delay", late_s, marks=pytest.mark.thorough) for late_s in (0.13, 0.18)),
-        *(pytest.param("thruster_lag", "time_constant", late_s, marks=pytest.mark.thorough) for late_s in (0.13, 0.25)),
+        *(
+            pytest.param("thruster_lag", "time_constant", late_s, marks=pytest.mark.thorough)
+            for late_s in (0.13, 0.25, 0.32)
+        ),
     ],
 )
 def test_late_thrust_is_told_from_wrong_thrust(effect, parameter, late_s):
