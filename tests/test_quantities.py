@@ -99,8 +99,8 @@ def test_a_count_before_a_plural_is_found(code, nouns):
 
 def test_a_share_is_honest_at_both_ends():
     """What is not all of it is not 100 %."""
-    assert [percent(s).replace("\u202f", " ") for s in (0.0, 0.001, 0.5, 0.999, 1.0)] == [
-        "0 %", "< 1 %", "50 %", "> 99 %", "100 %",
+    assert [percent(s).replace("\u202f", " ") for s in (-0.001, 0.0, 0.001, 0.5, 0.999, 1.0)] == [
+        "0 %", "0 %", "< 1 %", "50 %", "> 99 %", "100 %",
     ]  # fmt: skip
     assert [percent(s, sign=True).replace("\u202f", " ") for s in (0.12, -0.5)] == ["+12 %", "-50 %"]
 
