@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.findings import to_change
 from auv_torchrl.diagnosis.headline import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do
-from auv_torchrl.diagnosis.unanswered.wording import CODE
+from auv_torchrl.diagnosis.unanswered.wording import STILL
 from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED, Estimate, FoundEffect, Intermittence, Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.advice import Advice
@@ -23,7 +23,7 @@ from tests.diagnosis.example import example
 
 PAPER = load_vehicle("paper")
 EXAMPLE = example()
-STUCK = Finding(Severity.WARNING, CODE, "depth does not answer to any command", "look at it", ("z",))
+STUCK = Finding(Severity.WARNING, STILL, "depth does not answer to any command", "look at it", ("z",))
 LOOSE = Intermittence(7, 0.38, 0.3, 0.46)
 DOUBT = Finding(Severity.WARNING, "time", "time goes backwards", "", ("t",), limits=True)
 

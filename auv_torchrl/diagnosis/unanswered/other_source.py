@@ -10,6 +10,7 @@ of the vehicle as it should be: faults hide the thrust as well, but no other cha
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLog, FlightLogError
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import MOTION
+from auv_torchrl.sensors import CHANNELS, MOTION
 
 LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
 SURE = 5.0  # log odds from a moment on, beside which all other channels must fit
@@ -40,8 +41,21 @@ CONTRADICTED = 0.05  # of the samples of a sensor: glitches of one that is alive
 PARTIES = 2  # sensors of a contradiction: which one is false is told by what the others leave
 
 
-def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[tuple[Stillness, ...], ...]:
-    """Channels that may be of another source, all along or from a moment on; the likeliest first.
+@dataclass(frozen=True)
+class Suspect:
+    """Channels that may be of another source."""
+
+    false: tuple[Stillness, ...]  # where they are, all along or from a moment on
+    contradicts: bool  # whether another sensor tells of another motion, and not the thrust alone
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(sorted({entry.channel for entry in self.false}, key=CHANNELS.index))
+
+
+def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Suspect, ...]:
+    """Channels that may be of another source, the likeliest first.
 
     Args:
         log: with held-out flight.
@@ -52,7 +66,7 @@ def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> t
     return (*_contradicted(own), *_unmoved(own, follow))
 
 
-def _contradicted(problem: Problem) -> Iterator[tuple[Stillness, ...]]:
+def _contradicted(problem: Problem) -> Iterator[Suspect]:
     """The sensors that no motion can agree with, as others tell of the same motion: those with the most outliers."""
     windows, counts = problem.windows, problem.outlying
     measured = dict(zip(windows.channels, (windows.trust > 0).sum((0, 1)).tolist(), strict=True))
@@ -62,10 +76,10 @@ def _contradicted(problem: Problem) -> Iterator[tuple[Stillness, ...]]:
         names, rest = set(sensor) & set(measured), set(measured) - set(sensor)
         told_twice = all(rest & set(_channels(windows, MOTION.index(name) % 6)) for name in names)
         if told_twice and any(share[name] > CONTRADICTED for name in names):
-            yield tuple(Stillness(name) for name in sorted(names))
+            yield Suspect(tuple(Stillness(name) for name in sorted(names)), contradicts=True)
 
 
-def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[tuple[Stillness, ...]]:
+def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[Suspect]:
     """The channels in which the thrust does not show: all of them, or those of the one source where that is surest."""
     share, deviation = shares_shown(problem, follow)
     windows, sure = problem.windows, []
@@ -83,7 +97,8 @@ def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[tuple[Stillness, 
         names, first = set(windows.channels), max(one[-2] for one in sure)
     elif HEADING in names:
         names |= set(OF_POSITION) & set(windows.channels)
-    yield tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
+    false = tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
+    yield Suspect(false, contradicts=False)
 
 
 def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:

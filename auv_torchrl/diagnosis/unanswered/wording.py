@@ -6,8 +6,9 @@ from auv_torchrl.diagnosis.unanswered.stillness import Stillness
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sensors import CHANNELS
 
-CODE = "does_not_answer"
+STILL = "does_not_answer"
 NOTHING_MOVES = "nothing_moves"
+ELSEWHERE = "not_of_this_vehicle"
 TOGETHER = 0.5  # of the shorter of two stretches, from which they are told as one
 NAMES = {
     ("x", "y"): "position", ("x",): "north position", ("y",): "east position", ("z",): "depth",
@@ -53,12 +54,12 @@ def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = F
     else:
         sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
         remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
-    return (Finding(Severity.WARNING, CODE, sentence, remedy, channels),)
+    return (Finding(Severity.WARNING, ELSEWHERE, sentence, remedy, channels),)
 
 
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """The findings about what does not answer to commands."""
-    return tuple(finding for finding in findings if finding.code in (CODE, NOTHING_MOVES))
+    """The findings about channels that do not answer to commands, or do not follow the vehicle."""
+    return tuple(finding for finding in findings if finding.code in (STILL, NOTHING_MOVES, ELSEWHERE))
 
 
 def named(channels: Iterable[str]) -> str:
@@ -72,13 +73,14 @@ def named(channels: Iterable[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def stands_still(findings: Iterable[Finding]) -> str:
-    """A clause: what does not answer to commands."""
+def untrue(findings: Iterable[Finding]) -> str:
+    """A clause: what does not answer to commands, or does not follow the vehicle."""
     found = list(findings)
     if any(finding.code == NOTHING_MOVES for finding in found):
         return "the vehicle does not move at all, whatever is commanded"
     name = named({column for finding in found for column in finding.columns})
-    return f"{name} {_does(name)} not answer to any command"
+    does = "follow the vehicle" if any(finding.code == ELSEWHERE for finding in found) else "answer to any command"
+    return f"{name} {_does(name)} not {does}"
 
 
 def _does(name: str) -> str:
@@ -121,7 +123,7 @@ def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
     sentence = f"{when}{name} {_does(name)} not answer to any command: look at the sensor, or {stands}"
     free = "whether the vehicle floats at the surface or stands on the bottom" if floats else FREE
     remedy = f"Look at the source of the {name}, and {free}"
-    return Finding(Severity.WARNING, CODE, sentence, remedy, channels)
+    return Finding(Severity.WARNING, STILL, sentence, remedy, channels)
 
 
 def _when(group: Sequence[Stillness], episodes: int) -> str:
