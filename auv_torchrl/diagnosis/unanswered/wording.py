@@ -9,6 +9,7 @@ from auv_torchrl.sensors import CHANNELS
 STILL = "does_not_answer"
 NOTHING_MOVES = "nothing_moves"
 ELSEWHERE = "not_of_this_vehicle"
+NOTHING_FOLLOWS = "nothing_follows"
 TOGETHER = 0.5  # of the shorter of two stretches, from which they are told as one
 NAMES = {
     ("x", "y"): "position", ("x",): "north position", ("y",): "east position", ("z",): "depth",
@@ -54,12 +55,13 @@ def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = F
     else:
         sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
         remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
-    return (Finding(Severity.WARNING, ELSEWHERE, sentence, remedy, channels),)
+    code = NOTHING_FOLLOWS if whole else ELSEWHERE
+    return (Finding(Severity.WARNING, code, sentence, remedy, channels),)
 
 
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """The findings about channels that do not answer to commands, or do not follow the vehicle."""
-    return tuple(finding for finding in findings if finding.code in (STILL, NOTHING_MOVES, ELSEWHERE))
+    return tuple(finding for finding in findings if finding.code in (STILL, NOTHING_MOVES, ELSEWHERE, NOTHING_FOLLOWS))
 
 
 def named(channels: Iterable[str]) -> str:
@@ -73,13 +75,21 @@ def named(channels: Iterable[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def is_all(findings: Iterable[Finding]) -> bool:
+    """Whether nothing that was measured is left beside what does not answer."""
+    return any(finding.code in (NOTHING_MOVES, NOTHING_FOLLOWS) for finding in findings)
+
+
 def untrue(findings: Iterable[Finding]) -> str:
     """A clause: what does not answer to commands, or does not follow the vehicle."""
     found = list(findings)
-    if any(finding.code == NOTHING_MOVES for finding in found):
+    codes = {finding.code for finding in found}
+    if NOTHING_MOVES in codes:
         return "the vehicle does not move at all, whatever is commanded"
+    if NOTHING_FOLLOWS in codes:
+        return "nothing that was measured follows the commands"
     name = named({column for finding in found for column in finding.columns})
-    does = "follow the vehicle" if any(finding.code == ELSEWHERE for finding in found) else "answer to any command"
+    does = "follow the vehicle" if ELSEWHERE in codes else "answer to any command"
     return f"{name} {_does(name)} not {does}"
 
 
