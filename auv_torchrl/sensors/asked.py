@@ -28,10 +28,25 @@ def coefficients_asked(c: Coefficients, channels: tuple[str, ...]) -> tuple[str,
 
     Those of them that are equal in all of these report the same of a motion.
     """
+    return _asked(c, channels, (*MOTION, *np.array(channels)[is_felt(channels)]))
+
+
+def report_otherwise(before: Coefficients, after: Coefficients, channels: tuple[str, ...]) -> np.ndarray:
+    """(R,) True for vehicles (R,) that may report something else than a vehicle (1,) of one true motion.
+
+    A scale of positions is nothing to a log without positions, though its vehicle moves otherwise than reported.
+    """
+    names = {*_asked(before, channels, channels), *_asked(after, channels, channels)}
+    apart = [getattr(after, name) != getattr(before, name) for name in names]
+    return np.any([each.reshape(len(after.lag), -1).any(-1) for each in apart], axis=0)
+
+
+def _asked(c: Coefficients, channels: tuple[str, ...], reported: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the coefficients that ``reported`` numbers ask for in a log with ``channels``."""
     watched = _Watched(c)
     seen = cast(Coefficients, watched)
     motion, felt = np.zeros((len(c.lag), 12)), tuple(np.array(channels)[is_felt(channels)])
-    read(seen, (*MOTION, *felt), motion, np.zeros(len(c.lag)))
+    read(seen, reported, motion, np.zeros(len(c.lag)))
     ages(seen, channels)
     if felt:
         moving(seen, felt, motion)

@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.calibrate.correction import (
     describe_differences,
     estimate_from_fit,
     simulate_steps,
+    window_s,
 )
 from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty, read_uncertainty, shared_covariance
@@ -30,7 +31,7 @@ from auv_torchrl.diagnosis.validate.veto import only, scaled_errors, worse
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.envs.randomize import read_ranges
-from auv_torchrl.flightlog import join
+from auv_torchrl.flightlog import Episode, FlightLog, join
 from auv_torchrl.paths import config_names
 from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.scenario import read_scenario
@@ -136,6 +137,18 @@ def test_a_log_too_short_is_not_calibrated_on():
     calibrated = correct_file(short, GIVEN, UNCERTAIN, SETTINGS)
     assert not calibrated.effects
     assert [finding.code for finding in calibrated.findings] == ["too_short_to_calibrate"]
+
+
+@pytest.mark.parametrize(
+    ("durations", "expected"), [((100.0,), 10.0), ((53.5,), 8.7), ((16.0, 16.0), 5.0), ((9.0,), 2.0)]
+)
+def test_windows_are_as_long_as_a_log_holds_six_of_them(durations, expected):
+    """Ten seconds at most, and two at least, in which drag shows."""
+    episodes = tuple(
+        Episode(k, np.array([0.0, seconds]), np.zeros((2, 6)), np.zeros((2, 6)), np.zeros((2, 1)))
+        for k, seconds in enumerate(durations)
+    )
+    assert window_s(FlightLog("log", episodes, ("u",)), 1.0) == pytest.approx(expected, abs=0.1)
 
 
 def test_a_diagnosis_calibrates_first_and_searches_on_top(flown):

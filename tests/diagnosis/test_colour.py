@@ -12,7 +12,8 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.motion.noise import drift_covariance, late_shares, unknown_force
+from auv_torchrl.diagnosis.motion.noise import drift_covariance, late_shares, unknown_force, whiten
+from auv_torchrl.diagnosis.motion.smooth import Layout
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
@@ -81,10 +82,25 @@ def test_a_drift_is_as_large_as_it_was_made():
         rate = rate * np.exp(-0.01 / DRIFT_S) + 0.05 * np.sqrt(1 - np.exp(-0.02 / DRIFT_S)) * rng.normal(size=4000)
     path = 0.01 * np.cumsum(runs, axis=0)
     here = path[np.searchsorted(grid, t).clip(max=len(grid) - 1)]
-    k = len(windows.channels)
-    of_x = drift_covariance(windows)[0, ::k, ::k]
+    of_x = drift_covariance(windows)[0, 0]
     assert np.abs(of_x - np.cov(here)).max() < 0.1 * of_x.max()
-    assert not drift_covariance(windows)[0, 2::k].any()  # depth was measured
+    assert not drift_covariance(windows)[0, 2].any()  # depth was measured
+
+
+def test_drifts_are_taken_out_channel_by_channel():
+    """What is whitened so is as likely as under the whole covariance: squares and determinant are the same."""
+    log = flight(drift=0.05)
+    windows = cut_windows(replace(log, errors=replace(log.errors, snapshot_s=0.0)), 2.0, 1.0)
+    vehicle, sigma = batch(VEHICLE, [{}]), dict.fromkeys(windows.channels, 0.01)
+    white = whiten(windows, vehicle, Layout.of(windows, VEHICLE, 0.4), sigma, (windows.guess, np.zeros(0)))
+    m, channels = windows.trust[0].shape
+    assert white.whitening is not None and white.whitening.shape == (len(windows), channels, m, m)
+    numbers = np.random.default_rng(0).normal(size=(len(windows), m, channels))
+    covariance = 0.01**2 * np.eye(m) + drift_covariance(windows)  # (W, C, m, m)
+    own = numbers.swapaxes(1, 2)[..., None]
+    expected = (own * np.linalg.solve(covariance, own)).sum((1, 2, 3))
+    found = ((white.whitened(numbers) / 0.01) ** 2).sum((1, 2))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
 def test_what_snapshots_do_not_tell_is_there_where_commands_change():

@@ -5,7 +5,7 @@ import pytest
 
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.physics import Coefficients, prepare
-from auv_torchrl.sensors import FELT, MOTION, ages, read, report_the_same
+from auv_torchrl.sensors import FELT, MOTION, ages, read, report_otherwise, report_the_same
 from auv_torchrl.sensors.asked import coefficients_asked
 from auv_torchrl.vehicle import load_vehicle
 
@@ -44,3 +44,10 @@ def test_thrusters_count_where_they_turn_the_compass(channels):
     assert "gain" not in coefficients_asked(prepared([{}]), channels)
     turned = prepared([{"compass_interference": {"angle": 0.3}}])
     assert {"gain", "full_thrust"} <= set(coefficients_asked(turned, channels))
+
+
+def test_a_sensor_that_a_log_lacks_changes_no_report_of_it():
+    """Of one true motion, a log of the heading alone shows its bias and its delay, and no scale of a depth."""
+    before, after = prepared([{}]), prepared(ROWS)
+    assert report_otherwise(before, after, ("yaw",)).tolist() == [False, False, False, False, True, True]
+    assert report_otherwise(before, after, ("z", "r")).tolist() == [False, False, True, True, False, True]

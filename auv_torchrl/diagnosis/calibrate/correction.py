@@ -100,8 +100,7 @@ def correct_file(
     if not coefficients:
         return Correction(vehicle)
     held = hold_attitude(log, vehicle)
-    longest = max(episode.duration for episode in log.episodes) - settings.lead_s
-    windows = cut_windows(log, max(SHOWS_DRAG_S, min(WINDOW_S, 0.5 * longest)), settings.lead_s)
+    windows = cut_windows(log, window_s(log, settings.lead_s), settings.lead_s)
     if len(windows) < LEAST_WINDOWS:
         sentence = (
             f"the vehicle's file is a guess, but the log is too short to correct it ({counted(len(windows), 'window')})"
@@ -128,6 +127,16 @@ def correct_file(
     summary = sentences["axes"] + sentences["idle"] + sentences["turning"]
     estimate = estimate_from_fit(vehicle, coefficients, whole)
     return Correction(own, effects, summary, (finding,), build_prior(estimate, settings, windows.channels), estimate)
+
+
+def window_s(log: FlightLog, lead_s: float) -> float:
+    """The length in s of windows of a log: as long as it holds enough of them, but no shorter than drag shows in."""
+    lengths = [0.99 * (episode.duration - lead_s) for episode in log.episodes]  # less what grid steps round off
+    shorter = {length / parts for length in lengths for parts in range(2, 1 + LEAST_WINDOWS)}
+    most = min(WINDOW_S, max(shorter))
+    tried = sorted((one for one in {most, *shorter} if SHOWS_DRAG_S <= one <= most), reverse=True)
+    enough = (one for one in tried if sum(int(length / one) for length in lengths) >= LEAST_WINDOWS)
+    return next(enough, SHOWS_DRAG_S)
 
 
 @dataclass(frozen=True)
@@ -350,4 +359,4 @@ def _describe_coefficients(
         spread = f", from {min(values):.2f} to {max(values):.2f}" if len(EFFECTS[name].parameters) == 1 else ""
         return (f"{len(moved)} of its {counted(len(parameters), 'coefficient')} differ from the file{spread}",)
     declared = EFFECTS[name].member_parameters(vehicle)
-    return tuple(declared[c.member].said(c.member, parameters[c.member].value) for c in moved)
+    return tuple(declared[c.member].sentence_of(c.member, parameters[c.member].value) for c in moved)

@@ -33,6 +33,7 @@ DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
 ROUNDS = 40
 SETTLED = 0.4  # chi-square by which a round must improve: a smaller fall moves no coefficient by its error
 NEARLY_SETTLED = 2.0  # likewise where only the prediction of unseen windows counts
+FEW, MANY = 30, 60  # windows: a minute shows which way to descend, and the end on it is near that on more than MANY
 ALONE = 1e-6  # of a variance, by which independent numbers may seem to share it
 # Standard deviations along the widest direction of the prior, the strength of all thrusters, from which descents begin:
 # the file, and a vehicle so weak that it stays near the log. A vehicle that is too strong flies off at once.
@@ -187,12 +188,14 @@ class Descent:
         r = _weigh(windows, error, scale, memory)
         slope = (r[1 : 1 + k] - r[0]) / step[:, None, None]
         local = (r[1 + k :] - r[0]) / (STEP * loose)[:, None, None]
-        gram = np.einsum("lwn,mwn->wlm", local, local) + np.diag(loose**-2.0)
-        cross = np.einsum("lwn,kwn->wlk", local, slope)
-        pull = np.einsum("lwn,wn->wl", local, r[0]) + (start - windows.guess)[:, entries] / loose**2
+        own, all_slopes = np.moveaxis(local, 0, 1), slope.reshape(k, -1)  # (W, L, n), (k, W n)
+        gram = own @ own.mT + np.diag(loose**-2.0)
+        cross = own @ slope.transpose(1, 2, 0)  # (W, L, k)
+        pull = (own @ r[0][..., None])[..., 0] + (start - windows.guess)[:, entries] / loose**2
         response, offset = np.linalg.solve(gram, cross), np.linalg.solve(gram, pull[..., None])[..., 0]
-        curvature = np.einsum("iwn,jwn->ij", slope, slope) - np.einsum("wli,wlj->ij", cross, response)
-        gradient = np.einsum("kwn,wn->k", slope, r[0]) - np.einsum("wlk,wl->k", cross, offset)
+        taken = cross.reshape(-1, k).T
+        curvature = all_slopes @ all_slopes.T - taken @ response.reshape(-1, k)
+        gradient = all_slopes @ r[0].ravel() - taken @ offset.ravel()
         gradient += self.precision @ (at - self.nominal)
         curvature = 0.5 * (curvature + curvature.T) + self.precision
         return _Linearisation(at, start, error[0], scale, memory, curvature, gradient, response, offset)
@@ -252,6 +255,8 @@ def fit_coefficients(
         begins: coefficients (k,) from which to descend; empty for :meth:`Descent.starting_points`.
         settled: fall of chi-square in a round, below which a descent ends.
     """
+    if not begins and len(windows) > MANY:
+        begins = [fit_coefficients(thin_out(windows, FEW), vehicle, coefficients).values]
     descent = Descent(windows, vehicle, coefficients)
     ends = [descent.descend(begin, settled) for begin in begins or descent.starting_points()]
     memory = min(end.memory for end in ends)

@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.following import follow_freely, follow_windo
 from auv_torchrl.diagnosis.identify.hypotheses import Candidate, Settings, batch
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.motion.actuation import actuate_prepared
+from auv_torchrl.diagnosis.motion.actuation import actuate_prepared, coefficients
 from auv_torchrl.diagnosis.motion.smooth import misfit
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.thresholds import (
@@ -33,7 +33,7 @@ from auv_torchrl.diagnosis.thresholds import (
     TRIED_WINDOWS,
 )
 from auv_torchrl.effects import EFFECTS, Origin
-from auv_torchrl.sensors import FELT, MOTION
+from auv_torchrl.sensors import FELT, MOTION, report_otherwise
 from auv_torchrl.vehicle import Vehicle
 
 
@@ -64,7 +64,7 @@ def agreeing_sensor(problem: Problem) -> Explanation | None:
     """
     rows = np.unique(np.linspace(0, len(problem.windows) - 1, TRIED_WINDOWS).astype(int))
     some = problem.windows.subset(rows)
-    candidates = [candidate for candidate in problem.candidates if EFFECTS[candidate.effect].origin is Origin.SENSING]
+    candidates = _that_show(problem)
 
     def followed(candidate: Candidate | None) -> tuple[float, float]:
         vehicle = batch(problem.vehicle, [{candidate.effect: candidate.values} if candidate else {}])
@@ -82,6 +82,16 @@ def agreeing_sensor(problem: Problem) -> Explanation | None:
         return None
     near_best = [tried for tried in best.values() if tried[0] <= AGREES_AS_WELL * least]
     return Explanation().with_candidate(min(near_best, key=lambda tried: tried[1])[-1], problem.vehicle)
+
+
+def _that_show(problem: Problem) -> list[Candidate]:
+    """Changes of sensors that change a channel of the log: under all others it is followed as under none."""
+    changes = [candidate for candidate in problem.candidates if EFFECTS[candidate.effect].origin is Origin.SENSING]
+    if not changes:
+        return []
+    after = coefficients(batch(problem.vehicle, [{change.effect: change.values} for change in changes]))
+    shows = report_otherwise(coefficients(batch(problem.vehicle, [{}])), after, problem.windows.channels)
+    return [change for change, its in zip(changes, shows, strict=True) if its]
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,8 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
         steps = problem.layout.steps_per_bin  # windows are whole numbers of bins: half as long, or the next divisor
         finer = max(k for k in range(1, steps // 2 + 1) if steps % k == 0)
         layout = Layout.of(problem.windows, problem.vehicle, finer * problem.windows.dt)
+        if layout.bins > problem.windows.measured.shape[1]:  # nothing tells of a force between two samples
+            break
         if len(problem.windows) > affordable(problem.windows.trust[0].size, layout.size, problem.given.errors.coloured):
             break
         problem = replace(problem, layout=layout)

@@ -43,19 +43,29 @@ def whiten(
     """
     windows = replace(windows, whitening=None)  # they may come from a log that was whitened for another vehicle
     ACTUATIONS.clear()  # which hold windows that were whitened before, the largest arrays of all
-    noise = noise_per_sample(windows, sigma)
-    whitening = np.empty((len(windows), len(noise), len(noise)), np.float32)  # the largest array: 7 digits will do
+    groups, k = _groups(windows)
+    noise = noise_per_sample(windows, sigma).reshape(k, groups).T[..., None]  # (G, k, 1)
+    whitening = np.empty((len(windows), groups, k, k), np.float32)  # the largest array: 7 digits will do
     for some, covariance in colour_in_pieces(windows, vehicle, layout, begin):
-        scaled = covariance / (noise[:, None] * noise)
-        inverse = np.linalg.inv(np.linalg.cholesky(np.eye(len(noise)) + scaled))
-        whitening[some] = noise[:, None] * inverse / noise
+        scaled = covariance / (noise * noise.mT)
+        inverse = np.linalg.inv(np.linalg.cholesky(np.eye(k) + scaled))
+        whitening[some] = noise * inverse / noise.mT
     return replace(windows, whitening=whitening)
+
+
+def _groups(windows: Windows) -> tuple[int, int]:
+    """How many groups of numbers have errors that go together, and how many numbers each: see `Windows.whitening`."""
+    samples, channels = windows.trust[0].shape
+    return (1, samples * channels) if windows.errors.snapshot_s else (channels, samples)
 
 
 def colour_in_pieces(
     windows: Windows, vehicle: Vehicle, layout: Layout, begin: tuple[Floats, Floats]
 ) -> Iterator[tuple[slice, Floats]]:
-    """Some windows, and the covariance (w, K, K) of what is no white noise in them; arguments as of :func:`whiten`.
+    """Some windows, and the covariance (w, G, k, k) of what is no white noise in them; arguments as of :func:`whiten`.
+
+    Drifts go together within each channel alone, ``k`` samples of ``G`` channels. What commands do goes together in
+    all ``k`` numbers of a window, one group.
 
     Piece by piece, because some such arrays are in use at once.
     """
@@ -63,20 +73,25 @@ def colour_in_pieces(
     if windows.errors.snapshot_s:
         start, bins = begin
         _, tangent = linearise(windows, vehicle, layout.start, start, layout.force(bins, windows.steps))
-    for some in chunks(len(windows), 8 * windows.trust[0].size ** 2, AT_ONCE):
+    groups, k = _groups(windows)
+    for some in chunks(len(windows), 8 * groups * k**2, AT_ONCE):
         yield some, _colour(windows.subset(some), vehicle, layout, tangent and tangent.rows(some))
 
 
 @DIVERGING
 def _colour(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent | None) -> Floats:
-    """Covariance (w, K, K) of what is no white noise, along a tangent where commands were logged as snapshots."""
-    covariance = drift_covariance(windows)
-    if tangent is not None:
-        responses = command_responses(windows, vehicle, layout, tangent)
-        bent = np.eye(responses.shape[1]) * (BENT**2 * (responses**2).sum(-1))[:, None]
-        covariance = covariance + responses @ responses.swapaxes(1, 2) + bent
+    """Covariance (w, G, k, k) of what is no white noise, along a tangent where commands were logged as snapshots."""
+    drift = drift_covariance(windows)
+    if tangent is None:
+        return drift
+    responses = command_responses(windows, vehicle, layout, tangent)
+    bent = np.eye(responses.shape[1]) * (BENT**2 * (responses**2).sum(-1))[:, None]
+    covariance = responses @ responses.swapaxes(1, 2) + bent
+    w, channels, m, _ = drift.shape
+    for column in range(channels):
+        covariance.reshape(w, m, channels, m, channels)[:, :, column, :, column] += drift[:, column]
     covariance[~np.asarray(np.isfinite(covariance).all((1, 2)))] = 0.0  # no motion to work it out along
-    return covariance
+    return covariance[:, None]
 
 
 def command_responses(windows: Windows, vehicle: Vehicle, layout: Layout, tangent: Tangent) -> Floats:
@@ -124,7 +139,7 @@ def late_shares(snapshot_s: float, dt: float) -> Floats:
 
 
 def drift_covariance(windows: Windows) -> Floats:
-    """Covariance (W, K, K) of channels whose error changes at a rate that lasts for a while.
+    """Covariance (W, C, m, m) of channels whose error changes at a rate that lasts for a while.
 
     The rate is a first-order Gauss-Markov process, and its integral what Papoulis (1991, section 10-3) has.
     """
@@ -132,14 +147,9 @@ def drift_covariance(windows: Windows) -> Floats:
     first, last = np.minimum(t[:, :, None], t[:, None]), np.maximum(t[:, :, None], t[:, None])
     tau = DRIFT_S
     shape = 2 * tau * first - tau**2 * (1 - np.exp(-first / tau) - np.exp(-last / tau) + np.exp((first - last) / tau))
-    channels = len(windows.channels)
-    covariance = np.zeros((*t.shape, channels, t.shape[1], channels))
-    for column, name in enumerate(windows.channels):
-        rate = windows.errors.drift.get(name, 0.0)
-        trust = windows.trust[..., column]
-        covariance[:, :, column, :, column] = rate**2 * shape * trust[:, :, None] * trust[:, None]
-    k = t.shape[1] * channels
-    return covariance.reshape(len(windows), k, k)
+    trust = np.moveaxis(windows.trust, 2, 1)
+    rates = np.array([windows.errors.drift.get(name, 0.0) for name in windows.channels])
+    return rates[:, None, None] ** 2 * shape[:, None] * trust[..., None] * trust[..., None, :]
 
 
 @DIVERGING

@@ -152,9 +152,8 @@ def local_slopes(windows: Windows, vehicle: Vehicle, layout: Layout, start: Floa
 def slopes_along(
     windows: Windows, vehicle: Vehicle, layout: Layout, along: tuple[Floats, ...], array: Floats | None = None
 ) -> Slopes:
-    """Slopes of windows from the four arrays of a tangent; the ``array`` of them where it is known."""
-    make = partial(_free_slopes, windows, coefficients(vehicle), layout, *along)
-    return Slopes(make, make() if array is None else array)
+    """Slopes of windows from the four arrays of a tangent, made when they are read; the ``array`` where it is known."""
+    return Slopes(partial(_free_slopes, windows, coefficients(vehicle), layout, *along), array)
 
 
 @DIVERGING
@@ -223,7 +222,7 @@ def smooth(
         fresh = moved_to(start, bins)
         better = cost(fresh) < cost(state)
         damping = np.where(better, damping * 0.1, damping * 30.0)
-        state = replaced(windows, vehicle, layout, fresh, ~better, state.rows(~better))
+        state = fresh if better.all() else replaced(windows, vehicle, layout, fresh, ~better, state.rows(~better))
     return state
 
 
@@ -231,11 +230,13 @@ def replaced(
     windows: Windows, vehicle: Vehicle, layout: Layout, state: Smoothed, rows: np.ndarray, by: Smoothed
 ) -> Smoothed:
     """The state of ``windows`` with some of them, by mask or number, from another one of the same vehicle (1,)."""
-    merged, some = [np.copy(field) for field in fields(state)], by.slope
+    merged = [np.copy(field) for field in fields(state)]
     for old, new in zip(merged, fields(by), strict=True):
         old[rows] = new
-    slope = state.slopes.taken()  # it is worked out again where that state is still needed
-    slope[rows] = some
+    slope = None
+    if state.slopes.is_held:  # it is worked out again where that state is still needed
+        some, slope = by.slope, state.slopes.taken()
+        slope[rows] = some
     return _of_fields(merged, slopes_along(windows, vehicle, layout, tuple(merged[3:]), slope))
 
 

@@ -128,15 +128,10 @@ def respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) ->
 
 @DIVERGING
 def _respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) -> Floats:
-    steps = tangent.transition.shape[1]
-    moved = np.broadcast_to(start, (len(windows), *start.shape[1:]))
-    history = np.empty((len(windows), steps + 1, *moved.shape[1:]))
-    history[:, 0] = moved
-    for k in range(steps):
-        pushed = tangent.push[:, k] @ force[:, min(k, force.shape[1] - 1)]
-        moved = history[:, k + 1] = tangent.transition[:, k] @ moved + pushed
+    history = _histories(tangent, start, force)
+    steps = history.shape[1] - 1
     here = np.arange(len(windows))[:, None]
-    change = np.zeros((*windows.measured.shape, moved.shape[-1]))
+    change = np.zeros((*windows.measured.shape, history.shape[-1]))
     for column, slopes in enumerate(tangent.slopes):
         at = windows.index + windows.fraction + tangent.later[column]
         whole = np.minimum(np.floor(at + 1e-9).astype(int), steps)
@@ -150,7 +145,27 @@ def _respond(windows: Windows, tangent: Tangent, start: Floats, force: Floats) -
     if windows.specific_force.any():
         change[:, :, windows.specific_force] = _mean_specific_forces(windows, tangent, history)
     change *= windows.trust[..., None]
-    return windows.whitened(change.reshape(len(windows), -1, moved.shape[-1]))
+    return windows.whitened(change.reshape(len(windows), -1, history.shape[-1]))
+
+
+def _histories(tangent: Tangent, start: Floats, force: Floats) -> Floats:
+    """Change (W, steps + 1, n, N) of the numbers at grid steps; arguments as of :func:`respond`.
+
+    Most columns of free numbers are forces in one bin: nothing happens before the first of them, and nothing pushes
+    behind the last.
+    """
+    transition, push = tangent.transition, tangent.push
+    count, steps, n, _ = transition.shape
+    held = np.minimum(np.arange(steps), force.shape[1] - 1)
+    pushes = np.asarray(force.any((0, 2, 3)))[held]
+    first = 0 if start.any() or not pushes.any() else int(pushes.argmax())
+    history = np.empty((count, steps + 1, n, max(start.shape[-1], force.shape[-1])))
+    history[:, 0], history[:, 1 : first + 1] = start, 0.0
+    for k in range(first, steps):
+        np.matmul(transition[:, k], history[:, k], out=history[:, k + 1])
+        if pushes[k]:
+            history[:, k + 1] += push[:, k] @ force[:, held[k]]
+    return history
 
 
 def _mean_specific_forces(windows: Windows, tangent: Tangent, history: Floats) -> Floats:

@@ -25,6 +25,7 @@ from auv_torchrl.sensors import MOTION, is_felt
 Floats = NDArray[Any]  # float64 throughout; numpy's stubs lose it in half of the calls
 
 PARTS = 6  # in which a triangle is multiplied, 0.6 times the work of a square; more save less than they cost
+LEAST_PART = 50  # numbers of such a part: of a smaller one, the call takes longer than its work
 AT_ONCE = 24 << 20  # bytes of an array over windows; results that come from one take several times as much
 # Bytes of the slopes of all windows of a log. A diagnosis takes up to ten times as much at its worst, beside 0.2 GB of
 # libraries, and 1.5 GB are what it may in all. Of 15 channels at 20 Hz that is 5 minutes, with two forces per bin.
@@ -62,7 +63,9 @@ class Windows:
     volts: Floats | None = None  # (E, T) of the battery at each grid step, NaN where not logged; None: nowhere
     around: float = 0.5  # grid steps before and behind a sample, over which a specific force is averaged
     share: float = 1.0  # of all windows of the log: of a long log, some are taken
-    whitening: Floats | None = None  # (W, K, K) lower triangles of K = m C numbers; None: their noise is white
+    # Lower triangles (W, G, k, k) of G groups of k numbers whose errors go together: the m samples of each channel, or
+    # all K = m C numbers of a window. None: their noise is white.
+    whitening: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -160,13 +163,16 @@ class Windows:
         """Numbers (W, ..., m, C), or (W, K, N), so that errors of all colours are as large as the white noise."""
         if self.whitening is None:
             return numbers
-        k = self.whitening.shape[-1]
-        if numbers.shape[1] != k or numbers.ndim != 3:
-            columns = numbers.reshape(len(self), -1, k).swapaxes(1, 2)
+        groups, k = self.whitening.shape[1:3]
+        if numbers.shape[1] != groups * k or numbers.ndim != 3:
+            columns = numbers.reshape(len(self), -1, groups * k).swapaxes(1, 2)
             return self.whitened(columns).swapaxes(1, 2).reshape(numbers.shape)
-        found, edges = np.empty(numbers.shape), np.linspace(0, k, PARTS + 1).astype(int)
+        own = np.moveaxis(numbers.reshape(len(self), k, groups, -1), 2, 1)  # (W, G, k, N)
+        found, edges = np.empty(numbers.shape), np.linspace(0, k, 1 + min(PARTS, max(1, k // LEAST_PART))).astype(int)
+        by_group = np.moveaxis(found.reshape(len(self), k, groups, -1), 2, 1)
         for first, behind in zip(edges, edges[1:], strict=False):  # right of the diagonal is 0
-            found[:, first:behind] = self.whitening[:, first:behind, :behind].astype(float) @ numbers[:, :behind]
+            part = self.whitening[:, :, first:behind, :behind].astype(float)
+            by_group[:, :, first:behind] = part @ own[:, :, :behind]
         return found
 
 

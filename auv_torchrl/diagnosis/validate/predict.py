@@ -119,7 +119,7 @@ def colour_of(windows: Windows, vehicle: Vehicle, settings: Settings, start: Flo
     layout = Layout.of(windows, vehicle, settings.bin_s)
     still = np.zeros((len(windows), layout.bins, len(layout.dof)))
     pieces = colour_in_pieces(windows, vehicle, layout, (start, still))
-    variance = [np.einsum("wkk->wk", covariance).copy() for _, covariance in pieces]  # a view would keep them all
+    variance = [np.einsum("wgkk->wkg", covariance).copy() for _, covariance in pieces]  # a view would keep them all
     return np.concatenate(variance).reshape(windows.measured.shape)
 
 
