@@ -87,7 +87,7 @@ def percent(share: float | None, sign: bool = False) -> str:
         return "<\u202f1\u202f%"
     if 0.995 < share < 1:
         return ">\u202f99\u202f%"
-    return f"{100 * share:.0f}\u202f%"
+    return f"{100 * share:z.0f}\u202f%"  # no "-0"
 
 
 def duration(seconds: float) -> str:

@@ -68,7 +68,9 @@ def stops(signum: int):
     return run
 
 
-@pytest.mark.parametrize(("signum", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("signum", "expected"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.thorough), (signal.SIGTERM, 143)]
+)
 def test_a_stopped_run_is_continued_by_the_same_command_and_then_used_up(train, tmp_path, signum, expected):
     """Ctrl-C and SIGTERM alike: one line, the exit code of the signal; the folder goes on with the same settings."""
     out = f"output={tmp_path / 'out'}"

@@ -107,7 +107,7 @@ def test_every_effect_says_what_it_is(effect, name):
         assert p.unit and p.low <= p.nominal_value(vehicle, name) <= p.high
     for p in effect.parameters:
         for which in p.which(vehicle) or ("",):
-            assert p.said(f"{p.name}_{which}" if which else p.name, p.low)
+            assert p.sentence_of(f"{p.name}_{which}" if which else p.name, p.low)
 
 
 @pytest.mark.parametrize("effect", [effect for name, effect in ACTING.items() if name.startswith("thrust")],

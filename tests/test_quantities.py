@@ -99,8 +99,8 @@ def test_a_count_before_a_plural_is_found(code, nouns):
 
 def test_a_share_is_honest_at_both_ends():
     """What is not all of it is not 100 %."""
-    assert [percent(s).replace("\u202f", " ") for s in (0.0, 0.001, 0.5, 0.999, 1.0)] == [
-        "0 %", "< 1 %", "50 %", "> 99 %", "100 %",
+    assert [percent(s).replace("\u202f", " ") for s in (-0.001, 0.0, 0.001, 0.5, 0.999, 1.0)] == [
+        "0 %", "0 %", "< 1 %", "50 %", "> 99 %", "100 %",
     ]  # fmt: skip
     assert [percent(s, sign=True).replace("\u202f", " ") for s in (0.12, -0.5)] == ["+12 %", "-50 %"]
 
@@ -109,9 +109,9 @@ def test_a_share_is_honest_at_both_ends():
 def test_the_sentence_of_an_effect_has_degrees_and_no_unit_of_1(effect):
     """Of every parameter, at its lowest value."""
     for member, p in effect.member_parameters(load_vehicle("bluerov2")).items():
-        said = p.said(member, p.low)
-        assert "rad" not in said.split() and "_" not in said and (p.discrete or not said.endswith(" 1"))
-        assert ("°" in said) == p.unit.startswith("rad")
+        sentence = p.sentence_of(member, p.low)
+        assert "rad" not in sentence.split() and "_" not in sentence and (p.discrete or not sentence.endswith(" 1"))
+        assert ("°" in sentence) == p.unit.startswith("rad")
 
 
 @pytest.mark.parametrize(

@@ -104,13 +104,13 @@ def _found_effect(
         half = Z95 * float(np.hypot(np.sqrt(covariance[np.ix_(moving, moving)].sum()), model))
         low, high = max(p.low, value - half), min(p.high, value + half)
         parameters[member] = Estimate(value, low, high, nominal[member], p.unit)
-        sentences.append(p.said(member, value))
+        sentences.append(p.sentence_of(member, value))
         if p.over == "thruster":
             thrusters.add(int(member.removeprefix(f"{p.name}_")))
     if len(term_members := {k.members for k in explanation.terms if k.effect == name}) == 1:
         (members,) = term_members
         if len(members) > 1:
-            sentences = [declared[members[0]].said_of_all(parameters[members[0]].value)]
+            sentences = [declared[members[0]].sentence_of_all(parameters[members[0]].value)]
     if effect.sentence is not None:
         sentences = [effect.sentence({member: value for member, value in values.items() if value != nominal[member]})]
     return FoundEffect(name, probability, parameters, tuple(sorted(thrusters)), closed, "; ".join(sentences))

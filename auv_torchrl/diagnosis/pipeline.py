@@ -85,7 +85,8 @@ def diagnose(
             answering, unseen, given, lambda step, share: report(step, begin + (end - begin) * share), vehicle_name
         )
 
-    found = weigh_readings(log, vehicle, settings, once)
+    guessed = bool(uncertainty) and not (healthy or kept)
+    found = weigh_readings(log, vehicle, settings, guessed, once)
     report("done", 1.0)
     return replace(found, headline=headline_of(found), overview=Overview.of(log))
 

@@ -227,7 +227,7 @@ thruster_place = Effect(
         for axis, words in (("x", "forward of"), ("y", "to starboard of"), ("z", "below"))
     ),
     change=of_thrusters(_place),
-    advice=advice.said("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
+    advice=advice.always("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
     is_property=True,
     trial=Trial(
         is_searched=False,  # a thruster that has moved is bent, and turned

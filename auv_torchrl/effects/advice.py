@@ -274,7 +274,7 @@ def depth_bias(values: Values, autopilot: Values) -> tuple[Advice, ...]:
     return (Advice(f"zero the pressure sensor at the surface before the dive: it reads {offset:+.2f} m too much"),)
 
 
-def said(do: str) -> Callable[[Values, Values], tuple[Advice, ...]]:
+def always(do: str) -> Callable[[Values, Values], tuple[Advice, ...]]:
     """The same sentence whatever the values."""
     return lambda values, autopilot: (Advice(do),)
 

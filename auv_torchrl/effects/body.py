@@ -38,7 +38,7 @@ added_mass = Effect(
         ),
     ),
     change=_added_mass,
-    advice=advice.said(
+    advice=advice.always(
         "look for water caught in frames and shells; if it belongs there, enter the inertia in the vehicle file"
     ),
     trial=Trial(

@@ -80,11 +80,11 @@ class Parameter:
             return self
         return replace(self, low=min(self.low, 2 * nominal), high=max(self.high, 2 * nominal))
 
-    def said(self, member: str, value: float) -> str:
+    def sentence_of(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
         return self._sentence(self.sentence, value, words(member.removeprefix(f"{self.name}_")))
 
-    def said_of_all(self, value: float) -> str:
+    def sentence_of_all(self, value: float) -> str:
         """The same about all members of a family that have one value."""
         return self._sentence(self.sentence.replace("thruster {which}", "every thruster"), value, "all directions")
 

@@ -25,7 +25,7 @@ tether = Effect(
         Parameter("slack", "m", 0.0, 0.0, 100.0, "the tether has {quantity} of slack"),
     ),
     change=_tether,
-    advice=advice.said("give the tether more slack, or fly nearer to where it leads"),
+    advice=advice.always("give the tether more slack, or fly nearer to where it leads"),
     trial=Trial(
         together=(
             {"north": 3.0, "east": 0.0, "down": -2.0, "stiffness": 5.0, "slack": 0.0},
@@ -55,7 +55,7 @@ free_surface = Effect(
         Parameter("air", "1", own("air"), 0.0, 1.0, "above the surface {value:.2f} of the water's density is missing"),
     ),
     change=sets(depth="surface", air="air"),
-    advice=advice.said("nothing is broken: fly clear of the surface, or enter where it lies in the vehicle file"),
+    advice=advice.always("nothing is broken: fly clear of the surface, or enter where it lies in the vehicle file"),
     trial=Trial(
         # What was flown at the surface is left out of a log, unless the vehicle's file says where it is.
         is_searched=False,

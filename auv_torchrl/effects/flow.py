@@ -114,7 +114,7 @@ def _drag(order: str, change: Callable[[Vehicle, Array], Vehicle]) -> Effect:
         source="Lu et al. 2023, Eq. 14 and Table 1",
         parameters=(Parameter("scale", "1", 1.0, 0.0, 10.0, clause, CONTROLLED, guessed=published),),
         change=change,
-        advice=advice.said(_LOOK),
+        advice=advice.always(_LOOK),
         trial=Trial(
             wears={"scale": 1},
             scans={"scale": Scan((1.5,), linear=True, all=True)},
@@ -149,7 +149,7 @@ drag_asymmetry = Effect(
     ),
     change=_uneven,
     is_property=True,
-    advice=advice.said(
+    advice=advice.always(
         "look for what hangs or grows on one end; if it is meant, enter drag_asymmetry in the vehicle file"
     ),
     trial=Trial(
@@ -198,7 +198,7 @@ drag_coupling = Effect(
         ),
     ),
     change=_coupling,
-    advice=advice.said("look for what sits or trails on one side alone"),
+    advice=advice.always("look for what sits or trails on one side alone"),
     trial=Trial(
         shows="turning",
         scans={"drag": Scan((5.0,), linear=True)},
@@ -216,7 +216,7 @@ coriolis = Effect(
     ),
     change=sets(strength="coriolis"),
     is_property=True,
-    advice=advice.said("enter how far Coriolis terms act in the vehicle file"),
+    advice=advice.always("enter how far Coriolis terms act in the vehicle file"),
     trial=Trial(
         scans={"strength": Scan((1.0,), linear=True)},
     ),
@@ -238,7 +238,7 @@ current = Effect(
         Parameter("down", "m/s", 0.0, -2.0, 2.0, "the water moves down at {signed}"),
     ),
     change=_current,
-    advice=advice.said("nothing is broken: fly where the water stands still, or train for this current"),
+    advice=advice.always("nothing is broken: fly where the water stands still, or train for this current"),
     trial=Trial(
         scans={
             "north": Scan((0.1,), linear=True),

@@ -52,7 +52,7 @@ dead_band = Effect(
         ),
     ),
     change=of_thrusters(_dead_band),
-    advice=advice.said(
+    advice=advice.always(
         "look at the pulse limits of the speed controllers; if the dead band is theirs, enter it in the vehicle file"
     ),
     trial=Trial(
@@ -112,7 +112,7 @@ thrust_curve = Effect(
     ),
     change=of_thrusters(_curve),
     is_property=True,
-    advice=advice.said("enter the curve of these propellers at this voltage in the vehicle file"),
+    advice=advice.always("enter the curve of these propellers at this voltage in the vehicle file"),
     trial=Trial(
         valley=Valley("exponent", ("dead_band", "width"), _same_commands),
         scans={"exponent": Scan((0.7, 0.85, 1.2, 1.5, 1.8, 2.2, 2.6)), "asymmetry": Scan((0.3,), linear=True)},
@@ -202,7 +202,9 @@ thruster_lag = Effect(
         ),
     ),
     change=_lag,
-    advice=advice.said("look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"),
+    advice=advice.always(
+        "look at the ramp of the speed controllers; if the lag is theirs, enter it in the vehicle file"
+    ),
     trial=Trial(
         smooths=True,
         wears={"time_constant": 1},
@@ -230,7 +232,7 @@ command_delay = Effect(
         ),
     ),
     change=sets(delay="delay"),
-    advice=advice.said("look for what holds commands back: a filter, a slow link, a busy computer"),
+    advice=advice.always("look for what holds commands back: a filter, a slow link, a busy computer"),
     trial=Trial(
         wears={"delay": 1},
         scans={"delay": Scan(DELAYS)},
@@ -247,7 +249,7 @@ battery_sag = Effect(
         Parameter("rate", "1/min", own("battery_sag"), 0.0, 0.9, "thrust fades by {share} of its value per minute"),
     ),
     change=sets(rate="battery_sag"),
-    advice=advice.said("charge or change the battery, and log its volts"),
+    advice=advice.always("charge or change the battery, and log its volts"),
     trial=Trial(
         scans={"rate": Scan((0.3,), linear=True)},
     ),

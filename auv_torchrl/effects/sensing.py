@@ -48,7 +48,7 @@ pose_delay = Effect(
     source="motion-capture and acoustic positioning latency",
     parameters=(Parameter("delay", "s", own("pose_delay"), 0.0, 0.8, "the pose is reported {quantity} late"),),
     change=sets(delay="pose_delay"),
-    advice=advice.said("look at the delay of the positioning system, and tell the estimator of it"),
+    advice=advice.always("look at the delay of the positioning system, and tell the estimator of it"),
     trial=Trial(
         scans={"delay": Scan(DELAYS)},
     ),
@@ -73,7 +73,7 @@ position_scale = Effect(
         ),
     ),
     change=sets(factor="position_scale"),
-    advice=advice.said(
+    advice=advice.always(
         "look at the unit of positions, and at the calibration and speed of sound of the positioning system"
     ),
     trial=Trial(
@@ -100,7 +100,7 @@ depth_scale = Effect(
         ),
     ),
     change=sets(factor="depth_scale"),
-    advice=advice.said("look at unit and sign of the depth, and at the water density that the sensor assumes"),
+    advice=advice.always("look at unit and sign of the depth, and at the water density that the sensor assumes"),
     trial=Trial(
         # A pressure sensor keeps its scale within 1 %, water its density within 3 %; vertical thrusters do not.
         odds=1e-6,
@@ -134,7 +134,7 @@ velocity_scale = Effect(
         ),
     ),
     change=sets(factor="velocity_scale"),
-    advice=advice.said("look at the unit of speeds, and at the speed of sound that the Doppler log assumes"),
+    advice=advice.always("look at the unit of speeds, and at the speed of sound that the Doppler log assumes"),
     trial=Trial(
         odds=1e-3,  # likewise
         scans={"factor": Scan(TURNED_TIMES)},
@@ -160,7 +160,7 @@ gyro_bias = Effect(
         ),
     ),
     change=adds(bias="gyro_bias"),
-    advice=advice.said("calibrate the gyro with the vehicle at rest, and let it warm up before the dive"),
+    advice=advice.always("calibrate the gyro with the vehicle at rest, and let it warm up before the dive"),
     trial=Trial(
         scans={"bias": Scan((0.01,), linear=True)},
     ),
@@ -186,7 +186,7 @@ accelerometer_bias = Effect(
         ),
     ),
     change=adds(bias="accelerometer_bias"),
-    advice=advice.said("calibrate the accelerometer level and on all six sides, and look at how it is mounted"),
+    advice=advice.always("calibrate the accelerometer level and on all six sides, and look at how it is mounted"),
     trial=Trial(
         scans={"bias": Scan((0.1,), linear=True)},
         shown_by=_FELT,

@@ -198,7 +198,7 @@ def _cause(evidence: RunEvidence, g: int, e: int, sensitivities: RunSensitivitie
         at = [float(np.clip(nominal[member] + a * step, p.low, p.high)) for a in (amount, amount - half, amount + half)]
         parameters[member] = Estimate(at[0], min(at[1:]), max(at[1:]), nominal[member], p.unit)
         if step:
-            clauses.append(p.said(member, at[0]))
+            clauses.append(p.sentence_of(member, at[0]))
     instead = dict.fromkeys(tuple(candidates[i].values) for i in likely)
     instead.pop(tuple(candidate.values))
     sentence = "; ".join(clauses)

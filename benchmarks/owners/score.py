@@ -38,7 +38,7 @@ class Outcome:
     file_off: bool  # a correction of the file is likelier than not although one cause closes more
     share: bool | None  # of what comes and goes: whether the interval holds the share of the time
     verdict: str
-    said: str
+    headline: str
     cpu_s: float
 
 
@@ -60,7 +60,7 @@ def score_owner(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], 
         file_off=any((effect["gap_closed"] or 0.0) < closed for effect in corrections),
         share=_holds_share(label, diagnosis) if label["family"] == LOOSE else None,
         verdict=diagnosis["verdict"],
-        said=diagnosis.get("headline") or answer.get("refused") or answer.get("error", ""),
+        headline=diagnosis.get("headline") or answer.get("refused") or answer.get("error", ""),
         cpu_s=answer["cpu_s"],
     )
 
@@ -83,23 +83,23 @@ def _names_the_thruster(
         at = frozenset(effect["thrusters"])
         return at == mine or mine in exchangeable(effect["name"], at, declared, vehicle)
 
-    said = ((diagnosis["where"] or {}).get("thrust_map") or {}).get("thruster") == label["drawn"]["thruster"]
-    return (bool(faults) or said) and all(is_mine(effect) for effect in faults)
+    mapped = ((diagnosis["where"] or {}).get("thrust_map") or {}).get("thruster") == label["drawn"]["thruster"]
+    return (bool(faults) or mapped) and all(is_mine(effect) for effect in faults)
 
 
 def _holds_share(label: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> bool:
     """Whether the thruster is said to come and go, with an interval that holds the share of the time."""
-    said, drawn = (diagnosis["where"] or {}).get("intermittence"), label["drawn"]
-    return bool(said) and said["thruster"] == drawn["thruster"] and said["low"] <= drawn["share"] <= said["high"]
+    found, drawn = (diagnosis["where"] or {}).get("intermittence"), label["drawn"]
+    return bool(found) and found["thruster"] == drawn["thruster"] and found["low"] <= drawn["share"] <= found["high"]
 
 
 def _is_told_at_the_thruster(
     label: Mapping[str, Any], diagnosis: Mapping[str, Any], claims: Sequence[Mapping[str, Any]], vehicle: Vehicle
 ) -> bool:
     """Whether the thruster is said to come and go, or is the only one that is named, and nothing sound beside it."""
-    said = (diagnosis["where"] or {}).get("intermittence") or {}
+    intermittence = (diagnosis["where"] or {}).get("intermittence") or {}
     others = [effect for effect in claims if not effect["calibrates"]]
-    mine = said.get("thruster") == label["drawn"]["thruster"] and not others
+    mine = intermittence.get("thruster") == label["drawn"]["thruster"] and not others
     return mine or _names_the_thruster(label, diagnosis, claims, vehicle)
 
 
@@ -179,7 +179,7 @@ def by_kind(outcomes: Sequence[Outcome]) -> Table:
 def not_right(outcomes: Iterable[Outcome]) -> Table:
     """Every case that is not right, with what was said."""
     rows = [
-        (o.case, o.kind.replace("_", " "), o.file, o.verdict, o.said.replace("|", "/"))
+        (o.case, o.kind.replace("_", " "), o.file, o.verdict, o.headline.replace("|", "/"))
         for o in outcomes
         if not o.right or o.file_off or (o.family == SENSOR and o.blamed)
     ]

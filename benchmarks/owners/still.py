@@ -7,7 +7,14 @@ import numpy as np
 from benchmarks.blind.damages import Act, Columns, Damage, Damaged, Rng
 from benchmarks.blind.sensor_sets import SENSOR_SETS
 
-CODES = ("does_not_answer", "nothing_moves", "constant_column", "frozen")  # of findings that tell of it
+CODES = (  # of findings that tell of it
+    "does_not_answer",
+    "not_of_this_vehicle",
+    "nothing_moves",
+    "nothing_follows",
+    "constant_column",
+    "frozen",
+)
 PART = (0.5, 0.8)  # of the log that stands still, where it is not all of it
 WALK = 0.05  # rad per root of a second, of a heading that is not the vehicle's
 POSITIONS, ATTITUDE, VELOCITIES = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("u", "v", "w")

@@ -59,8 +59,8 @@ def test_killed_training_ends_like_an_unbroken_one(tmp_path):
 @pytest.mark.parametrize(
     "training",
     [
-        {"backend": "torch", "loss": "stock"},
-        {"backend": "mujoco"},
+        pytest.param({"backend": "torch", "loss": "stock"}, marks=pytest.mark.thorough),
+        pytest.param({"backend": "mujoco"}, marks=pytest.mark.thorough),
         {"agent": "gradient"},
         pytest.param({"agent": "td3"}, marks=pytest.mark.thorough),  # goes on as SAC does
         {"agent": "ppo"},

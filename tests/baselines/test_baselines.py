@@ -50,7 +50,10 @@ def test_fixed_signs_recover_reversal_but_not_a_swap():
     assert late_error(FixedSigns(VEHICLE, pulse_test(fleet("swap", 1), VEHICLE).signs), "swap") > 0.06
 
 
-@pytest.mark.parametrize("name", ["swap", "two_reversed", "triple_fault", "cycle"])
+@pytest.mark.parametrize(
+    "name",
+    ["swap", "triple_fault", *(pytest.param(name, marks=pytest.mark.thorough) for name in ("two_reversed", "cycle"))],
+)
 def test_the_true_map_recovers_whatever_the_thrusters_can(name):
     """Told the effectiveness, allocation flies the vehicle as if nothing had happened."""
     assert late_error(TrueMap(VEHICLE, scenario(name).vehicle_at(VEHICLE)), name) < 0.06

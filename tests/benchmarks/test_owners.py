@@ -165,7 +165,7 @@ def test_a_refused_log_and_a_failed_diagnosis_are_rows_like_others():
     """Both have no names; their sentence stands in the table of what fails."""
     for silent in ({"refused": "no log", "cpu_s": 1.0}, {"error": "ValueError: no", "cpu_s": 1.0}):
         found = score_owner("case_0001", label(THRUSTER), silent, VEHICLE)
-        assert not found.right and found.said and found.case in str(owner_tables([found], "stock")[-1])
+        assert not found.right and found.headline and found.case in str(owner_tables([found], "stock")[-1])
 
 
 def test_the_command_says_what_it_expects(monkeypatch, capsys):

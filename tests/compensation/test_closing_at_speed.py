@@ -44,7 +44,7 @@ def flown(vehicle, scenario, known=None):
     ("vehicle", "effects"),
     [
         (REMUS, {"fin_gain": {"gain_2": -1.0, "gain_3": -1.0}, "current": {"north": 0.2, "east": 0.3}}),
-        (FERRY, {"azimuth_gain": {"gain_3": -1.0, "gain_4": -1.0}}),
+        pytest.param(FERRY, {"azimuth_gain": {"gain_3": -1.0, "gain_4": -1.0}}, marks=pytest.mark.thorough),
         pytest.param(OTTER, {"thruster_swap": {"pair": [1, 2]}}, marks=pytest.mark.thorough),
     ],
 )

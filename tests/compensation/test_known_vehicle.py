@@ -48,7 +48,17 @@ def healthy():
     return late_errors(fleet(Scenario("nominal"), TASK))
 
 
-@pytest.mark.parametrize("name", ["two_reversed", "current", "payload", "command_delay", "pose_delay", "sensor_scales"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "two_reversed",
+        "command_delay",
+        *(
+            pytest.param(name, marks=pytest.mark.thorough)
+            for name in ("current", "payload", "pose_delay", "sensor_scales")
+        ),
+    ],
+)
 def test_what_is_known_is_undone(name, healthy):
     """Behind the map the changed vehicle holds its target as well as the healthy one, within 5 mm."""
     flown = scenario(name)

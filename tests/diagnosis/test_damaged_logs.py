@@ -49,6 +49,7 @@ def test_a_heading_that_is_far_off_is_a_compass_and_not_four_thrusters(angle):
     assert abs(np.angle(np.exp(1j * off))) < 0.02
 
 
+@pytest.mark.thorough
 def test_exchanged_thrusters_on_a_vehicle_turned_round_are_declared_beside_those_that_would_look_the_same():
     """A compass that points backwards and two thrusters exchanged in front are two exchanged behind to any such log."""
     given = {"heading_bias": {"angle": np.pi}, "thruster_swap": {"command_2": 3.0, "command_3": 2.0}}
@@ -67,6 +68,7 @@ def test_a_scale_of_the_position_is_named_with_its_value(effect, value):
     assert diagnosis.where.origin["sensing"] == pytest.approx(1.0)
 
 
+@pytest.mark.thorough
 def test_z_up_is_declared_beside_reversed_thrusters_and_none_is_believed():
     """The two are the same to a log of poses; a finding about frames keeps both below one half."""
     log = fly(HELD, {"depth_scale": {"factor": -1.0}}, seed=14, episodes=3, seconds=20.0)

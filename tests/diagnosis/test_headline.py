@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.findings import to_change
 from auv_torchrl.diagnosis.headline import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do
-from auv_torchrl.diagnosis.unanswered.wording import CODE
+from auv_torchrl.diagnosis.unanswered.wording import STILL
 from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED, Estimate, FoundEffect, Intermittence, Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.advice import Advice
@@ -23,7 +23,7 @@ from tests.diagnosis.example import example
 
 PAPER = load_vehicle("paper")
 EXAMPLE = example()
-STUCK = Finding(Severity.WARNING, CODE, "depth does not answer to any command", "look at it", ("z",))
+STUCK = Finding(Severity.WARNING, STILL, "depth does not answer to any command", "look at it", ("z",))
 LOOSE = Intermittence(7, 0.38, 0.3, 0.46)
 DOUBT = Finding(Severity.WARNING, "time", "time goes backwards", "", ("t",), limits=True)
 
@@ -37,14 +37,14 @@ def found_effects(draw) -> tuple[FoundEffect, ...]:
         members = draw(st.lists(st.sampled_from(sorted(declared)), min_size=1, max_size=8, unique=True))
         values = {m: draw(st.floats(declared[m].low, declared[m].high)) for m in members}
         values = {m: float(round(v)) if declared[m].discrete else v for m, v in values.items()}
-        told = "; ".join(declared[m].said(m, v) for m, v in values.items())
-        told = effect.sentence(values) if effect.sentence else told
+        sentence = "; ".join(declared[m].sentence_of(m, v) for m, v in values.items())
+        sentence = effect.sentence(values) if effect.sentence else sentence
         numbers = {int(m.rsplit("_", 1)[1]) for m in members if declared[m].over == "thruster"}
         estimates = {
             m: Estimate(v, v - 0.1, v + 0.1, effect.nominal(PAPER)[m], declared[m].unit) for m, v in values.items()
         }
         sure, corrects = draw(st.floats(0, 1)), draw(st.booleans())
-        found.append(FoundEffect(name, sure, estimates, tuple(sorted(numbers)), 0.5, told, calibrates=corrects))
+        found.append(FoundEffect(name, sure, estimates, tuple(sorted(numbers)), 0.5, sentence, calibrates=corrects))
     return tuple(found)
 
 

@@ -81,7 +81,7 @@ def test_plugs_that_make_a_vehicle_tumble_are_found(seed):
     assert {name: value.value for name, value in effect.parameters.items()} == exchanged
 
 
-@pytest.mark.parametrize("which", [1, 3])
+@pytest.mark.parametrize("which", [1, pytest.param(3, marks=pytest.mark.thorough)])
 def test_a_propeller_that_turns_the_wrong_way_is_one_cause(which):
     """Also where it pushes less hard that way, and with what to do about it."""
     vehicle = hold(HEAVY)

@@ -41,6 +41,7 @@ def test_a_drag_that_the_assumed_floor_could_hide_is_named_beside_a_strong_effec
         assert found["linear_drag"][member].value == pytest.approx(value, rel=0.03)
 
 
+@pytest.mark.thorough
 def test_nothing_is_named_beside_a_coupling_that_says_all():
     """Where one effect acts alone, none is found in what the disturbance could have hidden."""
     assert [effect.name for effect in diagnose(fly(HELD, COUPLING, seed=31), PAPER).effects] == ["drag_coupling"]

@@ -69,8 +69,8 @@ RIVALS = ("forward_gain", "reverse_gain", "neutral_offset", "thruster_gain", "th
     "values",
     [
         {"reverse_gain": {"gain_2": 0.0, "gain_4": 0.4}},
-        {"forward_gain": {"gain_3": 0.0}},
-        {"neutral_offset": {"offset_4": -0.15}},
+        pytest.param({"forward_gain": {"gain_3": 0.0}}, marks=pytest.mark.thorough),
+        pytest.param({"neutral_offset": {"offset_4": -0.15}}, marks=pytest.mark.thorough),
         {"neutral_offset": {"offset_1": 0.1, "offset_3": 0.1}},
     ],
     ids=lambda values: "+".join(values),

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -14,8 +16,8 @@ from auv_torchrl.diagnosis.report.table import summary_table
 from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import find_other_source
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness
-from auv_torchrl.diagnosis.unanswered.wording import CODE, NOTHING_MOVES, named, tell
-from auv_torchrl.flightlog import POSE, read_flightlog
+from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
+from auv_torchrl.flightlog import POSE, read_flightlog, write_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
 from benchmarks.blind.fly import fly as fly_cases
@@ -39,7 +41,7 @@ def flown(name, fault="sound", seed=1):
 
 def told(diagnosis):
     """Columns of the findings about what does not answer."""
-    return [finding.columns for finding in diagnosis.findings if finding.code in (CODE, NOTHING_MOVES)]
+    return [finding.columns for finding in not_answering(diagnosis.findings)]
 
 
 def likely(diagnosis):
@@ -178,37 +180,79 @@ def test_no_size_of_noise_makes_a_fault_of_what_stands_still(name, size, group):
 
 
 @cache
-def dives(episodes):
+def dives(episodes, sensors="mocap"):
     """Two flights of a sound vehicle with eight thrusters, by pilots who use all of them."""
-    axes = sensor_set("mocap").axes
-    cases = [Case(number, "sound", axes=axes, sensors="mocap", episodes=episodes) for number in (1, 2)]
-    return [log for log, _ in fly_cases(cases, load_vehicle("bluerov2_heavy"), 11, ACTS)]
+    axes = sensor_set(sensors).axes
+    cases = [Case(number, "sound", axes=axes, sensors=sensors, episodes=episodes) for number in (1, 2)]
+    heavy = load_vehicle("bluerov2_heavy")
+    return [read(log, heavy) for log, _ in fly_cases(cases, heavy, 11, ACTS)]
 
 
-def of_another_dive(channel, episodes):
-    """The first of the two flights, a channel of which is that of the second from the second episode on."""
-    log, other = dives(episodes)
-    column, changed = POSE.index(channel), [log.episodes[0]]
+def read(log, vehicle):
+    """A log as it is read from its file, where values that a slower sensor repeats are told."""
+    with TemporaryDirectory() as folder:
+        return read_flightlog(write_flightlog(log, Path(folder) / "log.csv"), vehicle)
+
+
+def of_another_dive(channels, episodes, sensors="mocap"):
+    """The first of the two flights, channels of which are those of the second from the second episode on."""
+    log, other = dives(episodes, sensors)
+    columns, changed = [POSE.index(channel) for channel in channels], [log.episodes[0]]
     for episode, strange in zip(log.episodes[1:], other.episodes[1:], strict=True):
         pose = episode.pose.copy()
-        pose[:, column] = strange.pose[:, column]
+        pose[:, columns] = strange.pose[:, columns]
         changed.append(replace(episode, pose=pose))
     return replace(log, episodes=tuple(changed))
 
 
+def suspects(log):
+    """Channels that may be of another source, the likeliest first."""
+    heavy = load_vehicle("bluerov2_heavy")
+    problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
+    return find_other_source(log, problem, SETTINGS)
+
+
 def test_the_thrust_does_not_show_in_a_channel_of_another_dive():
     """A false heading makes positions false, too, from the second episode on; a sound vehicle answers throughout."""
-    heavy = load_vehicle("bluerov2_heavy")
-    problem = Problem.of(cut_windows(dives(4)[0], SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
-    assert not find_other_source(dives(4)[0], problem, SETTINGS)
-    false = find_other_source(of_another_dive("yaw", 4), problem, SETTINGS)
-    assert {entry.channel for entry in false} == {"x", "y", "yaw"} and {entry.episode for entry in false} >= {1, 2, 3}
+    assert not suspects(dives(4)[0])
+    (one,) = suspects(of_another_dive(("yaw",), 4))
+    assert one.channels == ("x", "y", "yaw") and {entry.episode for entry in one.false} >= {1, 2, 3}
+
+
+def test_the_thrust_shows_in_no_channel_of_a_replayed_pose():
+    """Then the whole log is in doubt, from the second episode on."""
+    (one,) = suspects(of_another_dive(POSE, 4))
+    assert one.channels == POSE and {entry.episode for entry in one.false} >= {1, 2, 3} and not one.contradicts
+
+
+@pytest.mark.parametrize("channel", ["z", "yaw"])
+def test_a_channel_that_contradicts_another_of_the_same_motion_is_suspected(channel):
+    """Depth against heave speed, heading against yaw rate, though the thrust shows in the other one."""
+    assert not suspects(dives(2, "dvl")[0])
+    found = suspects(of_another_dive((channel,), 2, "dvl"))
+    assert (channel,) in [one.channels for one in found if one.contradicts]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("channel", ["z", "yaw"])
+def test_which_of_two_that_contradict_each_other_is_false_is_told(channel):
+    """The one without which all others show the vehicle as it should be; nothing is said of the thrusters."""
+    diagnosis = diagnose(of_another_dive((channel,), 4, "dvl"), load_vehicle("bluerov2_heavy"))
+    assert told(diagnosis) == [(channel,)] and not likely(diagnosis) and diagnosis.verdict is Verdict.CANNOT_TELL
+
+
+@pytest.mark.thorough
+def test_a_replayed_pose_is_told_before_any_fault():
+    """Nothing that was measured is of this dive, and nothing is said of the thrusters."""
+    diagnosis = diagnose(of_another_dive(POSE, 4), load_vehicle("bluerov2_heavy"))
+    assert [set(columns) for columns in told(diagnosis)] == [set(POSE)] and not likely(diagnosis)
+    assert diagnosis.verdict is Verdict.CANNOT_TELL and "nothing of what the thrusters should do" in diagnosis.summary
 
 
 @pytest.mark.thorough
 def test_a_channel_of_another_dive_is_told_before_any_fault():
     """It moves as a vehicle does, but not as this one; nothing is said of the thrusters."""
-    diagnosis = diagnose(of_another_dive("yaw", 4), load_vehicle("bluerov2_heavy"))
+    diagnosis = diagnose(of_another_dive(("yaw",), 4), load_vehicle("bluerov2_heavy"))
     assert told(diagnosis) == [("yaw",)] and not likely(diagnosis) and diagnosis.verdict is Verdict.CANNOT_TELL
     assert "on heading does not follow the vehicle" in diagnosis.summary
 

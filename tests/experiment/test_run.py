@@ -74,6 +74,7 @@ def test_the_flight_can_be_left_out(without_a_flight):
     assert json.loads((folder / "results.json").read_text())["in_flight"] is None
 
 
+@pytest.mark.thorough
 def test_two_reversed_thrusters_need_the_map_to_the_thrusters(experiment, without_a_flight, tmp_path):
     """The channels have lost rank, the thrusters have not: the reason names the remedy, and the remedy works."""
     channels, _ = without_a_flight

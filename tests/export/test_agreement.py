@@ -33,7 +33,11 @@ UNEVEN = {  # thrusters of a vehicle file may give less one way, nothing the oth
 
 @pytest.fixture(
     scope="module",
-    params=[("paper", "affine", {}), ("bluerov2_heavy", "thrusters", UNEVEN), ("bluerov2", "network", {})],
+    params=[
+        ("paper", "affine", {}),
+        pytest.param(("bluerov2_heavy", "thrusters", UNEVEN), marks=pytest.mark.thorough),
+        ("bluerov2", "network", {}),
+    ],
     ids=["paper", "heavy", "bluerov2"],
 )
 def given(request):

@@ -111,7 +111,11 @@ def faulty():
 
 
 LOGGED = {"full": FULL, "pose": POSE_ONLY, "velocity": VELOCITIES, "felt": FELT}
-LONG = {("paper", "pose"), *(("bluerov2_heavy", what) for what in LOGGED if what != "velocity")}  # to read
+LONG = {
+    ("paper", "full"),
+    ("paper", "pose"),
+    *(("bluerov2_heavy", what) for what in LOGGED if what != "velocity"),
+}  # to read
 
 
 @pytest.mark.parametrize(

@@ -250,8 +250,15 @@ def test_dives_are_chosen_and_diagnosed_by_keys_alone(tab):
     assert outline == "solid"
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [400, 1200])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        (400, "light"),
+        (1200, "dark"),
+        pytest.param(400, "dark", marks=pytest.mark.thorough),
+        pytest.param(1200, "light", marks=pytest.mark.thorough),
+    ],
+)
 def test_pages_are_legible_named_and_no_wider_than_the_screen(tab, address, scheme, width):
     """Contrast of WCAG AA in light and in dark; every control has a name; 400 px are enough."""
     row = drop(tab, f"long-name-of-a-dive-{scheme}-{width}-{'x' * 40}.csv", another())

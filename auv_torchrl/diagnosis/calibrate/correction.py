@@ -359,4 +359,4 @@ def _describe_coefficients(
         spread = f", from {min(values):.2f} to {max(values):.2f}" if len(EFFECTS[name].parameters) == 1 else ""
         return (f"{len(moved)} of its {counted(len(parameters), 'coefficient')} differ from the file{spread}",)
     declared = EFFECTS[name].member_parameters(vehicle)
-    return tuple(declared[c.member].said(c.member, parameters[c.member].value) for c in moved)
+    return tuple(declared[c.member].sentence_of(c.member, parameters[c.member].value) for c in moved)

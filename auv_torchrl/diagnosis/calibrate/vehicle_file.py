@@ -268,7 +268,7 @@ def _describe_coefficients(calibration: Calibration, file: Vehicle) -> list[str]
             value, half = (nominal if callable(p.nominal) else nominal - offset), Z95 * sd
         unit = "" if p.unit == "1" else f" {p.unit}"
         low, high = max(value - half, p.low), min(value + half, p.high)
-        sentences.append(f"{p.said(member, value)}; 95 % in [{low:.3g}, {high:.3g}]{unit}")
+        sentences.append(f"{p.sentence_of(member, value)}; 95 % in [{low:.3g}, {high:.3g}]{unit}")
     return sentences
 
 

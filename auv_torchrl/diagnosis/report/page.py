@@ -25,7 +25,7 @@ from auv_torchrl.diagnosis.report.wording import (
     to_do,
 )
 from auv_torchrl.diagnosis.summary import suspects
-from auv_torchrl.diagnosis.unanswered.wording import not_answering
+from auv_torchrl.diagnosis.unanswered.wording import is_all, not_answering
 from auv_torchrl.diagnosis.verdict import Diagnosis, Errors, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin
 from auv_torchrl.files import say_not_kept
@@ -132,6 +132,7 @@ def report_page(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         drawing=(from_above(vehicle, thrusters, axes), from_behind(vehicle, thrusters, axes)),
         marked=marked,
         unanswered=not_answering(diagnosis.findings),
+        nothing_else=is_all(diagnosis.findings),
         set_wrong=set_wrong(diagnosis.findings, diagnosis.effects),
         to_change=to_change(diagnosis),
         leads=_leads(diagnosis),

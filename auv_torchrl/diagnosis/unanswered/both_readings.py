@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
-from auv_torchrl.diagnosis.unanswered.wording import named, stands_still, tell, tell_other_source
+from auv_torchrl.diagnosis.unanswered.wording import named, tell, tell_other_source, untrue
 from auv_torchrl.diagnosis.verdict import (
     OTHERS,
     Alternative,
@@ -35,19 +35,20 @@ Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, an
 # and ends at
 
 
-def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: Once) -> Diagnosis:
+def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, guessed: bool, once: Once) -> Diagnosis:
     """The diagnosis of a log, with what does not answer to commands said first.
 
     Args:
         log: as it can be followed.
         vehicle: as its file says, empty batch.
         settings: of the diagnosis.
+        guessed: whether the file is a guess, which is corrected on the log.
         once: explains a log as if all of its channels followed the vehicle.
     """
     still = find_stillness(log, vehicle, settings)
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
-        return _unless_of_another_source(log, settings, *once(log, 0.0, 0.8), once)
+        return _unless_of_another_source(log, settings, guessed, *once(log, 0.0, 0.8), once)
     rest, whole = None, _is_all(log, vehicle, settings, still)
     if not whole:
         rest, still = _explain_others(log, settings, still, once)
@@ -59,21 +60,33 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, once: O
 
 
 def _unless_of_another_source(
-    log: FlightLog, settings: Settings, logged: Diagnosis, found: Found, once: Once
+    log: FlightLog, settings: Settings, guessed: bool, logged: Diagnosis, found: Found, once: Once
 ) -> Diagnosis:
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
-    false = find_other_source(log, found.problem, settings)
-    others = without(log, false) if false else None
+    for suspect in find_other_source(log, found.problem, settings):
+        if set(suspect.channels) >= set(log.axes):
+            return _alone(logged, tell_other_source(suspect.false, len(log.episodes), whole=True))
+        others = without(log, [Stillness(name) for name in suspect.channels])
+        if others is None:  # what is left needs what is gone
+            continue
+        silent = tell_other_source(blamed(suspect.false), len(log.episodes))
+        if fit_the_vehicle(others, found.problem, settings):
+            return _alone(logged, silent)
+        if guessed and (rest := _explained(others, suspect.contradicts, once)):  # without it, the file is corrected anew
+            return _beside(rest, logged, silent)
+    return logged
+
+
+def _explained(others: FlightLog, faulty: bool, once: Once) -> Diagnosis | None:
+    """The diagnosis of all other channels, where that explains them; by a fault of the vehicle only if it may be."""
     try:
-        if others is None or not fit_the_vehicle(others, found.problem, settings):
-            return logged
-        rest = once(others, 0.8, 1.0)[0]
+        rest, found = once(others, 0.8, 1.0)
     except FlightLogError:  # too little is left to explain
-        return logged
-    silent = tell_other_source(blamed(false), len(log.episodes))
-    return _beside(rest, logged, silent) if rest.verdict is Verdict.NO_GAP else logged
+        return None
+    faults = any(not effect.calibrates for effect in rest.effects)
+    return rest if is_explained(found) and (faulty or not faults) else None
 
 
 def _is_all(log: FlightLog, vehicle: Vehicle, settings: Settings, still: Sequence[Stillness]) -> bool:
@@ -129,7 +142,7 @@ def _alone(logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
         summary=" ".join(_sentence(finding.sentence) for finding in silent),
         effects=(),
         candidates=_halved((), seen),
-        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, stands_still(silent)),
+        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, untrue(silent)),
         indistinguishable=(),
         next_experiment=None,
         gap=_as_before(logged.gap),
@@ -171,7 +184,7 @@ def _both(
 ) -> tuple[Alternative, ...]:
     """What all other channels leave open, beside a channel that does not answer; and the other reading."""
     other = BELIEVED * min((effect.probability for effect in others), default=0.0)
-    still = stands_still(silent)
+    still = untrue(silent)
     found = []
     for one in rest:
         besides = one.besides if one.besides == OTHERS else " and ".join(filter(None, (one.besides, still)))

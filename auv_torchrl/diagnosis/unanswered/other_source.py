@@ -1,12 +1,16 @@
 """A channel that moves, but not with the vehicle: replayed, or of another source.
 
-Along the measured motion such a channel tells of a force that undoes what the thrusters push. So of each degree of
-freedom the share of the thrust that shows is fitted in every window: about 1 in a vehicle that answers, and 0 where the
-channel tells nothing. All other channels must then be those of the vehicle as it should be: faults hide the thrust as
-well, but no other channel leaves them out.
+A sensor may contradict another one of the same motion. Which of the two is false is told by all others: without the
+false one they leave nothing to explain.
+
+Where no other sensor tells of the motion, the thrust does: along the measured motion such a channel tells of a force
+that undoes what the thrusters push. So of each degree of freedom the share of the thrust that shows is fitted in every
+window: about 1 in a vehicle that answers, and 0 where the channel tells nothing. All other channels must then be those
+of the vehicle as it should be: faults hide the thrust as well, but no other channel leaves them out.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,9 +26,9 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
 from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.flightlog import FlightLog, FlightLogError
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import MOTION
+from auv_torchrl.sensors import CHANNELS, MOTION
 
 LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
 SURE = 5.0  # log odds from a moment on, beside which all other channels must fit
@@ -32,10 +36,26 @@ SOURCES = (0, 1), (2,), (3, 4), (5,)  # degrees of freedom that one sensor measu
 ABOUT = 0.2  # of the thrust, by which the share that shows in a window of a sound vehicle is off at most
 BEFORE = 3  # windows before the first that is off, which are left out too: thrust may show by chance
 OF_POSITION, HEADING = ("x", "y"), "yaw"  # positions tell of a speed ahead by the heading alone
+SENSORS = ("x", "y"), ("z",), ("roll", "pitch"), ("yaw",), ("u", "v", "w"), ("p", "q", "r")  # what is of one source
+CONTRADICTED = 0.05  # of the samples of a sensor: glitches of one that is alive make fewer of them outliers
+PARTIES = 2  # sensors of a contradiction: which one is false is told by what the others leave
 
 
-def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Stillness, ...]:
-    """Channels of one source that move as if no command reached the vehicle, all along or from a moment on; or none.
+@dataclass(frozen=True)
+class Suspect:
+    """Channels that may be of another source."""
+
+    false: tuple[Stillness, ...]  # where they are, all along or from a moment on
+    contradicts: bool  # whether another sensor tells of another motion, and not the thrust alone
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(sorted({entry.channel for entry in self.false}, key=CHANNELS.index))
+
+
+def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Suspect, ...]:
+    """Channels that may be of another source, the likeliest first.
 
     Args:
         log: with held-out flight.
@@ -43,26 +63,50 @@ def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> t
         settings: of the diagnosis.
     """
     own, follow = _followed(log, problem, settings)
-    share, deviation = shares_shown(own, follow)
-    windows, sure = own.windows, []
+    return (*_contradicted(own), *_unmoved(own, follow))
+
+
+def _contradicted(problem: Problem) -> Iterator[Suspect]:
+    """The sensors that no motion can agree with, as others tell of the same motion: those with the most outliers."""
+    windows, counts = problem.windows, problem.outlying
+    measured = dict(zip(windows.channels, (windows.trust > 0).sum((0, 1)).tolist(), strict=True))
+    share = {name: counts.get(name, 0) / max(1, number) for name, number in measured.items()}
+    worst = sorted(SENSORS, key=lambda sensor: -max(share.get(name, 0.0) for name in sensor))
+    for sensor in worst[:PARTIES]:
+        names, rest = set(sensor) & set(measured), set(measured) - set(sensor)
+        told_twice = all(rest & set(_channels(windows, MOTION.index(name) % 6)) for name in names)
+        if told_twice and any(share[name] > CONTRADICTED for name in names):
+            yield Suspect(tuple(Stillness(name) for name in sorted(names)), contradicts=True)
+
+
+def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[Suspect]:
+    """The channels in which the thrust does not show: all of them, or those of the one source where that is surest."""
+    share, deviation = shares_shown(problem, follow)
+    windows, sure = problem.windows, []
     for dof in SOURCES:
-        columns = [column for column, d in enumerate(own.layout.dof) if d in dof]
-        names = {name for column in columns for name in _channels(windows, int(own.layout.dof[column]))}
+        columns = [column for column, d in enumerate(problem.layout.dof) if d in dof]
+        names = {name for column in columns for name in _channels(windows, int(problem.layout.dof[column]))}
         odds = _odds_behind(share[:, columns], deviation[:, columns])
-        first = _answers_until(share[:, columns], deviation[:, columns])
-        if odds.max() > SURE and names and names < set(windows.channels):
+        if odds.max() > SURE and names:
+            first = _answers_until(share[:, columns], deviation[:, columns])
             sure.append((HEADING in names, float(odds.max()), first, names))
     if not sure:
-        return ()
+        return
     *_, first, names = max(sure, key=lambda one: one[:2])  # a false heading makes positions false, too, not vice versa
-    if HEADING in names:
+    if set().union(*(one[-1] for one in sure)) >= set(windows.channels):
+        names, first = set(windows.channels), max(one[-2] for one in sure)
+    elif HEADING in names:
         names |= set(OF_POSITION) & set(windows.channels)
-    return tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
+    false = tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
+    yield Suspect(false, contradicts=False)
 
 
 def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:
-    """Whether a log leaves nothing to explain of the vehicle of a problem."""
-    own, follow = _followed(log, problem, settings)
+    """Whether a log leaves nothing to explain of the vehicle of a problem; not, where too little is left of it."""
+    try:
+        own, follow = _followed(log, problem, settings)
+    except FlightLogError:
+        return False
     return nuisance_does(own, fit_by_simulation(own, Explanation(), follow))
 
 

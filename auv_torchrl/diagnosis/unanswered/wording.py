@@ -6,8 +6,10 @@ from auv_torchrl.diagnosis.unanswered.stillness import Stillness
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sensors import CHANNELS
 
-CODE = "does_not_answer"
+STILL = "does_not_answer"
 NOTHING_MOVES = "nothing_moves"
+ELSEWHERE = "not_of_this_vehicle"
+NOTHING_FOLLOWS = "nothing_follows"
 TOGETHER = 0.5  # of the shorter of two stretches, from which they are told as one
 NAMES = {
     ("x", "y"): "position", ("x",): "north position", ("y",): "east position", ("z",): "depth",
@@ -32,20 +34,34 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
     return tuple(_finding(group, whole, episodes) for group in _groups(still))
 
 
-def tell_other_source(false: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
-    """The finding about the channels of one source that do not follow the vehicle, all along or from a moment on."""
+def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = False) -> tuple[Finding, ...]:
+    """The finding about channels that do not follow the vehicle, all along or from a moment on.
+
+    Args:
+        false: these channels, of one source or all of the log.
+        episodes: of the log: of one, its number is not told.
+        whole: whether these are all channels.
+    """
     channels = tuple(sorted({entry.channel for entry in false}, key=CHANNELS.index))
     name, when = named(channels), ""
     if (first := false[0]).episode is not None:
         when = f"from {first.first_s:.0f} s" + (f" of episode {first.episode}" if episodes > 1 else "") + " on "
-    sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
-    remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
-    return (Finding(Severity.WARNING, CODE, sentence, remedy, channels),)
+    if whole:
+        sentence = (
+            f"{when}nothing of what the thrusters should do shows in any channel: {name} are of another time or "
+            "vehicle than the commands, or the thrusters have no power and something else moves the vehicle"
+        )
+        remedy = f"Look whether commands and {name} are of one dive and one clock, and whether the thrusters have power"
+    else:
+        sentence = f"{when}{name} {_does(name)} not follow the vehicle, which all other channels show as it should be"
+        remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
+    code = NOTHING_FOLLOWS if whole else ELSEWHERE
+    return (Finding(Severity.WARNING, code, sentence, remedy, channels),)
 
 
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """The findings about what does not answer to commands."""
-    return tuple(finding for finding in findings if finding.code in (CODE, NOTHING_MOVES))
+    """The findings about channels that do not answer to commands, or do not follow the vehicle."""
+    return tuple(finding for finding in findings if finding.code in (STILL, NOTHING_MOVES, ELSEWHERE, NOTHING_FOLLOWS))
 
 
 def named(channels: Iterable[str]) -> str:
@@ -59,13 +75,22 @@ def named(channels: Iterable[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def stands_still(findings: Iterable[Finding]) -> str:
-    """A clause: what does not answer to commands."""
+def is_all(findings: Iterable[Finding]) -> bool:
+    """Whether nothing that was measured is left beside what does not answer."""
+    return any(finding.code in (NOTHING_MOVES, NOTHING_FOLLOWS) for finding in findings)
+
+
+def untrue(findings: Iterable[Finding]) -> str:
+    """A clause: what does not answer to commands, or does not follow the vehicle."""
     found = list(findings)
-    if any(finding.code == NOTHING_MOVES for finding in found):
+    codes = {finding.code for finding in found}
+    if NOTHING_MOVES in codes:
         return "the vehicle does not move at all, whatever is commanded"
+    if NOTHING_FOLLOWS in codes:
+        return "nothing that was measured follows the commands"
     name = named({column for finding in found for column in finding.columns})
-    return f"{name} {_does(name)} not answer to any command"
+    does = "follow the vehicle" if ELSEWHERE in codes else "answer to any command"
+    return f"{name} {_does(name)} not {does}"
 
 
 def _does(name: str) -> str:
@@ -108,7 +133,7 @@ def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
     sentence = f"{when}{name} {_does(name)} not answer to any command: look at the sensor, or {stands}"
     free = "whether the vehicle floats at the surface or stands on the bottom" if floats else FREE
     remedy = f"Look at the source of the {name}, and {free}"
-    return Finding(Severity.WARNING, CODE, sentence, remedy, channels)
+    return Finding(Severity.WARNING, STILL, sentence, remedy, channels)
 
 
 def _when(group: Sequence[Stillness], episodes: int) -> str:
