@@ -97,6 +97,7 @@ SECTIONS = {
         *(_real(name, _LOGS) for name in ("ardusub", "ardusub_healthy", "ardusub_wrong_file", "ardusub_altered")),
         _real("ardusub_vectored", _LOGS),
         _real("haizhe", _ALIKE, QUICK),
+        _real("rov2016", _LOGS),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),

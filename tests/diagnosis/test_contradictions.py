@@ -7,6 +7,7 @@ import pytest
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.before_effects import tells_twice
+from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -47,6 +48,21 @@ def test_only_what_is_told_twice_contradicts_itself(axes, twice):
     log, settings = replace(log_of({}), axes=axes), load_settings()
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     assert tells_twice(Problem.of(windows, load_vehicle("paper"), settings)) == twice
+
+
+def test_no_force_acts_between_two_samples():
+    """Where no force follows a log, bins become shorter, but no window has more of them than samples."""
+    log, settings = log_of({"heading_bias": {"angle": 1.5}}), load_settings()
+    slow = replace(log, episodes=tuple(replace(e, **_every(e, 4)) for e in log.episodes))
+    windows = cut_windows(slow, settings.window_s, settings.lead_s, settings.bin_s)
+    problem, _ = follow_windows(Problem.of(windows, load_vehicle("paper"), settings))
+    assert problem.followed.mean() < 0.5
+    assert problem.layout.bins <= windows.measured.shape[1] < windows.steps // 2
+
+
+def _every(episode, rows):
+    """Fields of an episode that has each so many rows alone."""
+    return {name: getattr(episode, name)[::rows] for name in ("t", "pose", "velocity", "commands")}
 
 
 def diagnosed(name, fault):

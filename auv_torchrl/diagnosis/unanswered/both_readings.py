@@ -74,7 +74,7 @@ def _unless_of_another_source(
         silent = tell_other_source(blamed(suspect.false), len(log.episodes))
         if fit_the_vehicle(others, found.problem, settings):
             return _alone(logged, silent)
-        if guessed and (rest := _explained(others, suspect.contradicts, once)):  # without it, the file is corrected anew
+        if guessed and (rest := _explained(others, suspect.contradicts, once)):  # by a file corrected anew
             return _beside(rest, logged, silent)
     return logged
 
