@@ -84,7 +84,7 @@ def test_a_turn_is_wanted_at_a_rate_that_ends_with_the_error():
     task = Cruise(depth_weight=0.0, speed_weight=0.0, turning_weight=0.0, action_weight=0.0)
 
     def lost(heading, rate):
-        quaternion = quaternion_from_euler(*np.zeros(2), np.array(heading))
+        quaternion = quaternion_from_euler(*np.array([0.0, 0.0, heading]))
         velocity = np.array([1.5, 0.0, 0.0, 0.0, 0.0, rate])
         return -float(task.reward(np.zeros(3), quaternion, velocity, np.zeros(3), np.zeros(())))
 
@@ -98,7 +98,7 @@ def test_a_turn_is_wanted_at_a_rate_that_ends_with_the_error():
 def test_the_error_of_the_turning_is_seen_in_rates_of_a_turn():
     """A vehicle that is to turn to port and goes straight on is off by one; one that turns so, by nothing."""
     task = Cruise().fitted(OTTER)
-    east = quaternion_from_euler(*np.zeros(2), np.array(math.pi / 2))
+    east = quaternion_from_euler(*np.array([0.0, 0.0, math.pi / 2]))
 
     def seen(rate):
         velocity = np.array([1.5, 0.0, 0.0, 0.0, 0.0, rate])
