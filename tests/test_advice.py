@@ -106,3 +106,15 @@ def test_a_thruster_is_turned_back():
     """What points to starboard by 0.2 rad is turned to port by 11 degrees."""
     (one,) = advised("thruster_misalignment", angle_1=0.2)
     assert "-11°" in one.do
+
+
+def test_thrusters_that_all_turn_the_wrong_way_are_one_clause():
+    """In order of their numbers, behind the plugs that are exchanged."""
+    in_words = EFFECTS["thruster_swap"].sentence
+    assert in_words is not None
+    assert in_words({"command_10": -10.0, "command_2": -2.0, "command_4": -4.0}) == (
+        "thrusters 2, 4 and 10 turn the wrong way"
+    )
+    assert in_words({"command_1": 7.0, "command_7": -1.0, "command_2": -2.0}) == (
+        "the plugs of thrusters 1 and 7 are exchanged; thrusters 2 and 7 turn the wrong way"
+    )

@@ -96,7 +96,9 @@ def _plugs_in_words(values: Mapping[str, float]) -> str:
     pairs, others = advice.exchanged(values)
     clauses = [f"the plugs of thrusters {advice.listed(pairs)} are exchanged"] if pairs else []
     clauses += [f"thruster {to} gets the command of thruster {by}" for to, by in others]
-    clauses += [f"thruster {thruster} turns the wrong way" for thruster in advice.reversed_of(values)]
+    *first, last = sorted(advice.reversed_of(values), key=int) or ("",)
+    clauses += [f"thrusters {', '.join(first)} and {last} turn the wrong way"] if first else []
+    clauses += [f"thruster {last} turns the wrong way"] if last and not first else []
     return "; ".join(clauses)
 
 
