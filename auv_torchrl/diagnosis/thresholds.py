@@ -183,6 +183,7 @@ FEWEST_WINDOWS = 4  # behind an onset, to be explained by themselves
 SPEAKS = 10.0  # chi-square by which the windows before an onset must fit better without the effect
 
 # What is told
+HORIZONS_S = (0.5, 1.0, 2.0, 5.0)  # s behind a start, at which errors are told: from a reflex to a manoeuvre
 SURE = 0.9  # probability above which an effect is told as a fact: one of ten at most is wrong then
 LIKELY = 0.5  # likewise, at which it may as well be untrue: never a fact, and nobody takes apart what is likelier sound
 

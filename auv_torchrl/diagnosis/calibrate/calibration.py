@@ -35,8 +35,7 @@ from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.reduce import OU_TIME
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, STRAYS, TILT_PASSES, WORTH_A_CORRECTION
-from auv_torchrl.diagnosis.validate.predict import HORIZONS_S
+from auv_torchrl.diagnosis.thresholds import BEYOND_TRIM, HORIZONS_S, STRAYS, TILT_PASSES, WORTH_A_CORRECTION
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join

@@ -7,10 +7,11 @@ what its simulator leaves out: healthy flights do, by how much they miss their o
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from auv_torchrl.diagnosis.calibrate.calibration import Calibration
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values, batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate
@@ -19,7 +20,7 @@ from auv_torchrl.diagnosis.motion.noise import colour_in_pieces, whiten
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING, fly
 from auv_torchrl.diagnosis.motion.smooth import Layout, follow, noise_per_sample, rough_force
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows, columns_of_motion
-from auv_torchrl.diagnosis.thresholds import FLEW_OFF, WITHIN_FLOOR
+from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HORIZONS_S, WITHIN_FLOOR
 from auv_torchrl.diagnosis.verdict import Errors, Gap, Trajectory, Window
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.flightlog.readiness import START_S
@@ -27,10 +28,6 @@ from auv_torchrl.physics.kinematics import least_turn
 from auv_torchrl.sensors import MOTION, motion_of
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
-if TYPE_CHECKING:  # calibration predicts by this module
-    from auv_torchrl.diagnosis.calibrate.calibration import Calibration
-
-HORIZONS_S = (0.5, 1.0, 2.0, 5.0)
 # Times the disturbance, the force under which a start is estimated: some of all stretches begin in as large a one.
 PUSHED = 4.0
 MOST_STRETCHES = 60
@@ -253,9 +250,7 @@ def _trajectory(numbers: Floats, measured: Floats) -> Trajectory:
     return Trajectory(np.concatenate([numbers[:, :3], angles], axis=1), numbers[:, 6:])
 
 
-def unforeseen(
-    healthy: Sequence[FlightLog], calibration: "Calibration | None", settings: Settings
-) -> dict[str, Floats]:
+def unforeseen(healthy: Sequence[FlightLog], calibration: Calibration | None, settings: Settings) -> dict[str, Floats]:
     """Variance by channel at ``MIDDLES``, (BINS,), of errors beyond the spread of a prediction.
 
     Empty without fits to the healthy flights. Each flight is predicted by the vehicle that was fitted to it, with its
