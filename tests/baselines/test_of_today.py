@@ -125,7 +125,7 @@ def test_an_encoder_infers_what_the_policy_was_told():
     few = EncoderConfig(rounds=1, vehicles=1024, steps=20, updates=400, batch_size=512)
     made = train_encoder(policy, VEHICLE, task, one, "torch", few)
     parts = [RandomizeVehicle(VEHICLE, one, seed=9, entry="told"), *made.parts()]
-    env = TransformedEnv(TorchFleet(VEHICLE, task, 64, seed=3), Compose(parts))
+    env = TransformedEnv(TorchFleet(VEHICLE, task, 512, seed=3), Compose(parts))  # of 64, chance may make it 0.1 less
     check_env_specs(env)
     after = env.rollout(20, pilot, break_when_any_done=False)["next"][:, -1]
     told, inferred = after["told"].flatten(), after["inferred"].flatten()
