@@ -66,9 +66,11 @@ class GradientLearner(Learner):
         self.optimiser.zero_grad(set_to_none=True)
         (-reward).backward()
         norm = torch.nn.utils.clip_grad_norm_(self._weights, config.gradient_norm)
+        for weight in self._weights:  # of a vehicle that tumbles it is too long for a number, and points nowhere
+            weight.grad = None if weight.grad is None else torch.nan_to_num(weight.grad, 0.0, 0.0, 0.0)
         self.optimiser.step()
         self._move_average(config.average)
-        return {"loss_actor": -reward.detach(), "gradient_norm": norm}
+        return {"loss_actor": -reward.detach(), "gradient_norm": torch.nan_to_num(norm, torch.finfo(norm.dtype).max)}
 
     def parts(self) -> dict[str, Any]:
         """Policy and optimiser, too."""

@@ -1,5 +1,7 @@
 """The policy gradient through the simulator."""
 
+import math
+
 import pytest
 import torch
 from tiny_training import RANDOMIZATION, TASK, train_tiny
@@ -78,6 +80,20 @@ def test_only_what_belongs_to_an_episode_counts():
     assert flown[:20].all() and not flown[20:].any()
     assert state["done"].all()
     assert (learner._begin(fleet, state)["time"] == 0).all()
+
+
+@pytest.mark.parametrize("steep", [1e25, float("inf")])
+def test_a_gradient_that_is_too_long_for_a_number_moves_nothing(steep):
+    """As of a vehicle that tumbles; the next horizon is climbed as if that one had not been flown."""
+    config = settings_of()
+    learner = GradientLearner(16, 4, config, torch.device("cpu"))
+    before = [weight.detach().clone() for weight in learner._weights]
+    total = torch.stack([weight.sum() for weight in learner._weights])
+    losses = learner._climb(steep * total.sum(), 0)
+    assert all(torch.equal(weight, old) for weight, old in zip(learner._weights, before, strict=True))
+    assert math.isfinite(losses["gradient_norm"])
+    learner._climb(torch.stack([weight.sum() for weight in learner._weights]).sum(), 0)
+    assert all((weight > old).all() for weight, old in zip(learner._weights, before, strict=True))
 
 
 def test_the_past_is_cut_off_and_the_flight_goes_on():
