@@ -103,7 +103,7 @@ SECTIONS = {
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),
         *(
             Section("owners.md", f"owners {sensors}", _DIAGNOSIS, SEALED, rows.of_owners)
-            for sensors in ("mocap", "dvl")
+            for sensors in ("mocap", "dvl", "stock")
         ),
         _underway("control", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK),
         _underway("paths", (*_AGENTS, "auv_torchrl/experiment", "conf/experiment/cruise.yaml", "conf/task"), QUICK),
