@@ -54,8 +54,8 @@ class Cruise(Underway):
     start_tilt: Annotated[float, In("[0, 1.5]")] = 0.1  # rad, start roll and pitch are uniform within this
     ahead_s: Annotated[float, In("[0, 100]")] = 2.0  # s, rewarded depths are those in so long a time, as it now sinks
     steepest: Annotated[float, In("(0, 1.5]")] = 0.3  # rad, at which it is to sink or rise where it is far off
-    turn_rate: Annotated[float, In("(0, 10]")] = 0.1  # rad/s, with which it is to turn where it is far off: by the
-    # speed 15 m of radius, which a torpedo can end with one rudder out of two
+    turn_rate: Annotated[float, In("(0, 10]")] | None = 0.1  # rad/s, with which it is to turn where it is far off: by
+    # the speed 15 m of radius, which a torpedo can end with one rudder out of two; None: as fast as it can
     turn_s: Annotated[float, In("(0, 100]")] = 2.0  # s, in which the last of the error of heading is to fall to 37 %
     depth_weight: Weight = 1.0  # 1/m
     heading_weight: Weight = 1.0  # 1/rad
@@ -105,6 +105,8 @@ class Cruise(Underway):
     def turning_towards(self, heading: Array) -> Array:
         """Yaw rate (...) in rad/s that is wanted at errors of heading (...) in rad."""
         xp = array_namespace(heading)
+        if self.turn_rate is None:
+            return xp.zeros_like(heading)
         return -self.turn_rate * xp.tanh(least_turn(heading) / (self.turn_s * self.turn_rate))
 
     def miss(self, position: Array, quaternion: Array, velocity: Array, time: Array) -> Array:
@@ -117,7 +119,7 @@ class Cruise(Underway):
         """Observation (..., d) of measured position (..., 3), quaternion (..., 4) and body velocity (..., 6)."""
         xp = array_namespace(position, quaternion, velocity)
         rotation, off = rotation_matrix(quaternion), self.steering(position, quaternion, velocity)
-        turning = (velocity[..., 5] - off.turning) / self.turn_rate  # of order 1, as other entries
+        turning = (velocity[..., 5] - off.turning) / (self.turn_rate or 1.0)  # of order 1, as other entries
         parts = [velocity[..., 0] - self.speed, velocity[..., 1], turning, xp.sin(-off.heading), xp.cos(off.heading)]
         if self.dives:
             error = -off.depth
@@ -138,11 +140,18 @@ class Cruise(Underway):
         turning = xp.sqrt(xp.sum(rates**2, axis=-1) + 1e-12) - 1e-6  # with a slope at rest
         return -(
             self.depth_weight * xp.abs(self._expected_depth(off.depth, quaternion, velocity))
-            + self.heading_weight * self.turn_s * xp.abs(velocity[..., 5] - off.turning)
+            + self.heading_weight * self._off_heading(off, velocity)
             + self.speed_weight * xp.abs(velocity[..., 0] - self.speed)
             + self.turning_weight * turning
             + self.action_weight * xp.sqrt(xp.sum(action**2, axis=-1))
         )
+
+    def _off_heading(self, off: Steering, velocity: Array) -> Array:
+        """Error (...) of heading in rad, or what a wrong yaw rate makes of it in ``turn_s``."""
+        xp = array_namespace(velocity)
+        if self.turn_rate is None:
+            return xp.abs(least_turn(off.heading))
+        return self.turn_s * xp.abs(velocity[..., 5] - off.turning)
 
     def _expected_depth(self, depth: Array, quaternion: Array, velocity: Array) -> Array:
         """Error (...) of depth in m that is expected; far off one as large as what is sunk at the steepest."""

@@ -128,6 +128,7 @@ class Route(Cruise):
 
     name = "route"
 
+    turn_rate: Annotated[float, In("(0, 10]")] | None = None  # rad/s, None: as fast as it can, to stay on the path
     north_m: Coordinates = (0.0, 60.0, 60.0, 0.0)  # m, of the points one after the other
     east_m: Coordinates = (0.0, 0.0, 60.0, 60.0)  # m
     down_m: Coordinates = (0.0, 0.0, 0.0, 0.0)  # m

@@ -134,11 +134,16 @@ def first_below(curve: Curve, goal: float) -> tuple[float, float]:
     return next(((cpu, wall) for cpu, wall, error in curve if error < goal), (float("inf"), float("inf")))
 
 
+def configs() -> tuple[AgentConfig, AgentConfig]:
+    """Of SAC and of the policy gradient, examined often, and stopped at the last goal."""
+    common = {"stop_below_m": min(GOALS_M), "stretch_steps": 80}
+    return load_agent_config("sac", common), load_agent_config("gradient", common)
+
+
 def measure(seeds: int, backend: str) -> dict[str, list[list[tuple[float, float]]]]:
     """Per method and seed, (CPU s, wall s) to each goal."""
     torch.set_num_threads(1)
-    common = {"stop_below_m": min(GOALS_M), "stretch_steps": 80, "csv": False}
-    sac, gradient = (load_agent_config(name, common) for name in ("sac", "gradient"))
+    sac, gradient = configs()
     short = load_agent_config("gradient", {"stretch_steps": 16, "total_frames": 1, "evaluation_starts": 1})
     list(ours(short, 0, backend))  # compiles
     trained: list[tuple[Callable[..., Curve], AgentConfig]] = [(ours, sac), (ours, gradient), (stable_baselines, sac)]

@@ -20,7 +20,7 @@ from auv_torchrl.evaluation import Metrics
 from auv_torchrl.tasks import Lemniscate, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control import __main__ as bench_command
-from benchmarks.control import methods, tracking
+from benchmarks.control import methods, time_to_error, tracking
 from benchmarks.control.comparison import cell
 from benchmarks.control.comparison_tables import CLOSED, ORACLE, SOURCE, Cell, draw, report, share_closed
 from benchmarks.control.fault_recovery import CONDITIONS, fly_fault, row
@@ -134,3 +134,9 @@ def test_the_adapter_takes_a_small_part_of_a_control_step(sensed):
     following, searching = cost_per_step(VEHICLE, load_adaptation_config(overrides={"sensed": sensed}), steps=60)
     assert following < 10.0
     assert searching < 10.0
+
+
+def test_agents_that_race_to_an_error_stop_there():
+    """At the smallest goal, with examinations on the way."""
+    for config in time_to_error.configs():
+        assert config.stop_below_m == min(time_to_error.GOALS_M) and config.stretches >= 10

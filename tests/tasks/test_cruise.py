@@ -1,6 +1,7 @@
 """Holding a depth and a heading at speed, by vehicles with fewer axes than four."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,23 +82,25 @@ def test_only_depth_and_heading_are_errors():
 
 def test_a_turn_is_wanted_at_a_rate_that_ends_with_the_error():
     """Far off who turns at the rate loses nothing, faster or slower does; near by the rate falls with the error."""
-    task = Cruise(depth_weight=0.0, speed_weight=0.0, turning_weight=0.0, action_weight=0.0)
+    slow = Cruise(turn_rate=0.1, depth_weight=0.0, speed_weight=0.0, turning_weight=0.0, action_weight=0.0)
 
-    def lost(heading, rate):
+    def lost(heading, rate, task=slow):
         quaternion = quaternion_from_euler(*np.array([0.0, 0.0, heading]))
         velocity = np.array([1.5, 0.0, 0.0, 0.0, 0.0, rate])
         return -float(task.reward(np.zeros(3), quaternion, velocity, np.zeros(3), np.zeros(())))
 
-    assert lost(1.0, -task.turn_rate) == pytest.approx(0.0, abs=1e-4)
-    assert lost(1.0, -0.3) == pytest.approx(task.turn_s * 0.2, abs=1e-4)
-    assert lost(-1.0, 0.0) == pytest.approx(task.turn_s * task.turn_rate, abs=1e-4)
-    assert lost(0.01, -0.01 / task.turn_s) == pytest.approx(0.0, abs=1e-5)
+    assert lost(1.0, -0.1) == pytest.approx(0.0, abs=1e-4)
+    assert lost(1.0, -0.3) == pytest.approx(slow.turn_s * 0.2, abs=1e-4)
+    assert lost(-1.0, 0.0) == pytest.approx(slow.turn_s * 0.1, abs=1e-4)
+    assert lost(0.01, -0.01 / slow.turn_s) == pytest.approx(0.0, abs=1e-5)
     assert lost(2 * math.pi + 0.01, 0.0) == pytest.approx(0.01, rel=1e-2)
+    at_will = replace(slow, turn_rate=None)  # whatever the rate, the heading counts
+    assert lost(1.0, -0.3, at_will) == lost(1.0, 0.0, at_will) == pytest.approx(1.0)
 
 
 def test_the_error_of_the_turning_is_seen_in_rates_of_a_turn():
     """A vehicle that is to turn to port and goes straight on is off by one; one that turns so, by nothing."""
-    task = Cruise().fitted(OTTER)
+    task = Cruise(turn_rate=0.1).fitted(OTTER)
     east = quaternion_from_euler(*np.array([0.0, 0.0, math.pi / 2]))
 
     def seen(rate):
@@ -106,7 +109,7 @@ def test_the_error_of_the_turning_is_seen_in_rates_of_a_turn():
         return dict(zip(task.observation_names, observed, strict=True))["turning_error"]
 
     assert seen(0.0) == pytest.approx(1.0, abs=1e-3)
-    assert seen(-task.turn_rate) == pytest.approx(0.0, abs=1e-3)
+    assert seen(-0.1) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_starts_are_under_way_within_what_is_asked_for():
