@@ -19,7 +19,8 @@ FRAMES = {
     "quaternion": "w, x, y, z; turns vectors of the body into those of the earth",
     "velocity": "surge, sway, heave in m/s, roll, pitch, yaw rate in rad/s, along the axes of the body, over ground",
 }
-_UNITS = {"error_x": "m", "error_y": "m", "error_z": "m", "yaw": "rad/s", "turning_error": "1"}  # of a turn_rate, or of 1 rad/s
+_UNITS = {"error_x": "m", "error_y": "m", "error_z": "m", "yaw": "rad/s",
+          "turning_error": "1"}  # of a turn_rate, or of 1 rad/s  # fmt: skip
 _BY_ENDING = {"_speed": "m/s", "_speed_error": "m/s", "_rate": "rad/s", "_sin": "1", "_cos": "1"}
 _BY_BEGINNING = {"near_": "1", "far_": "1", "down_": "1", "surge_in_": "m/s", "sway_in_": "m/s", "heave_in_": "m/s",
                  "yaw_in_": "rad/s"}  # fmt: skip
