@@ -39,6 +39,11 @@ class Given:
     uncertainty: tuple[Coefficient, ...]
     kept: StoredCalibration | None
 
+    @property
+    def is_guess(self) -> bool:
+        """Whether the vehicle's file is a guess, and nothing but the log itself can correct it."""
+        return bool(self.uncertainty) and not (self.healthy or self.kept)
+
 
 @dataclass(frozen=True)
 class Explained:
@@ -61,11 +66,10 @@ def explain_log(training: FlightLog, testing: FlightLog, given: Given, report: P
     held-out flight worse is taken back.
     """
     vehicle = given.vehicle
-    guessed = bool(given.uncertainty) and not (given.healthy or given.kept)
-    if guessed and (explained := one_cause(training, testing, given, report)) is not None:
+    if given.is_guess and (explained := one_cause(training, testing, given, report)) is not None:
         return explained
     settings = given.settings
-    corrected = correct_file(training, vehicle, given.uncertainty, settings) if guessed else Correction(vehicle)
+    corrected = correct_file(training, vehicle, given.uncertainty, settings) if given.is_guess else Correction(vehicle)
     explained = explain(training, testing, given, corrected, report)
     if corrected.effects and (quantities := worse(explained.predictions, 0, 1)):
         corrected = Correction(vehicle, findings=(calibration_vetoed(quantities),))

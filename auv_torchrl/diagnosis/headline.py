@@ -3,7 +3,7 @@
 from auv_torchrl.diagnosis.doubt import doubts
 from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
 from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, suspects, within_floor
-from auv_torchrl.diagnosis.unanswered.wording import not_answering, untrue
+from auv_torchrl.diagnosis.unanswered.wording import in_words, not_answering
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, how_sure
 from auv_torchrl.quantities import counted, words
 
@@ -23,7 +23,7 @@ def headline_of(diagnosis: Diagnosis) -> str:
     )
     unanswered = not_answering(diagnosis.findings)
     if unanswered:
-        return _sentence(untrue(unanswered), *likely)
+        return _sentence(in_words(unanswered), *likely)
     if diagnosis.verdict is not Verdict.NO_GAP and doubts(diagnosis.findings):
         either = any(effect.calibrates for effect in found) and not likely
         return _sentence(LOG_OR_FILE if either else "the log itself is in doubt", *likely)

@@ -93,31 +93,17 @@ def _of_channels(t: Floats, vehicle: Vehicle) -> Iterator[tuple[str, Manoeuvre]]
     stairs = SIZE * np.sign(np.sin(2 * np.pi * t / 6)) * np.where(t < 6, 0.5, 1.0)
     for column, name in enumerate(CONTROLLED):
         share = YAW_REACH if name == "yaw" else 1.0
-        reach = SIZE * share
+        reach, push = SIZE * share, share * mixer[:, column]
         sizes = f"3 s each way at {percent(reach / 2)}, then 3 s each way at {percent(reach)}"
-        yield (
-            f"steps of {name} at two sizes",
-            Manoeuvre(
-                stairs[:, None] * share * mixer[:, column],
-                f"push the stick {STICKS[name]}, {sizes}; let go of the others",
-            ),
-        )
+        steps = f"push the stick {STICKS[name]}, {sizes}; let go of the others"
+        yield f"steps of {name} at two sizes", Manoeuvre(stairs[:, None] * push, steps)
         swings = f"at {percent(reach)} for {SECONDS:.0f} s, from one swing in 10 s to more than one a second"
-        yield (
-            f"a sweep of {name} from slow to fast",
-            Manoeuvre(
-                chirp[:, None] * share * mixer[:, column],
-                f"swing the stick {STICKS[name]} {swings}; let go of the others",
-            ),
-        )
+        sweep = f"swing the stick {STICKS[name]} {swings}; let go of the others"
+        yield f"a sweep of {name} from slow to fast", Manoeuvre(chirp[:, None] * push, sweep)
     for column, name in enumerate(CONTROLLED[:2]):
-        yield (
-            f"steady {name} while turning slowly",
-            Manoeuvre(
-                STEADY * mixer[:, column] + TURNING * mixer[:, 3] + 0 * t[:, None],
-                f"hold {name} at {percent(STEADY)} and yaw at {percent(TURNING)} for {SECONDS:.0f} s",
-            ),
-        )
+        held = STEADY * mixer[:, column] + TURNING * mixer[:, 3] + 0 * t[:, None]
+        by_hand = f"hold {name} at {percent(STEADY)} and yaw at {percent(TURNING)} for {SECONDS:.0f} s"
+        yield f"steady {name} while turning slowly", Manoeuvre(held, by_hand)
 
 
 def choose_experiment(problem: Problem, found: Found, verdict: Verdict, where: Where) -> NextExperiment | None:

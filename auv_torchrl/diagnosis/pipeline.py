@@ -77,16 +77,15 @@ def diagnose(
     log, healthy = stretches_of(followable(log)), [stretches_of(check_healthy_flight(sound)) for sound in healthy]
     log = replace(log, findings=unless_shared(log.findings, healthy))
     test = [stretches_of(followable(unseen_log)) for unseen_log in test]
+    given = Given(vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
 
     def once(answering: FlightLog, begin: float, end: float) -> tuple[Diagnosis, Found]:
         unseen = [restricted(unseen_log, answering.axes) for unseen_log in test]
-        given = Given(vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
         return diagnose_answering(
             answering, unseen, given, lambda step, share: report(step, begin + (end - begin) * share), vehicle_name
         )
 
-    guessed = bool(uncertainty) and not (healthy or kept)
-    found = weigh_readings(log, vehicle, settings, guessed, once)
+    found = weigh_readings(log, vehicle, settings, given.is_guess, once)
     report("done", 1.0)
     return replace(found, headline=headline_of(found), overview=Overview.of(log))
 

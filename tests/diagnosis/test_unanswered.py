@@ -216,13 +216,13 @@ def test_the_thrust_does_not_show_in_a_channel_of_another_dive():
     """A false heading makes positions false, too, from the second episode on; a sound vehicle answers throughout."""
     assert not suspects(dives(4)[0])
     (one,) = suspects(of_another_dive(("yaw",), 4))
-    assert one.channels == ("x", "y", "yaw") and {entry.episode for entry in one.false} >= {1, 2, 3}
+    assert one.channels == ("x", "y", "yaw") and {entry.episode for entry in one.stretches} >= {1, 2, 3}
 
 
 def test_the_thrust_shows_in_no_channel_of_a_replayed_pose():
     """Then the whole log is in doubt, from the second episode on."""
     (one,) = suspects(of_another_dive(POSE, 4))
-    assert one.channels == POSE and {entry.episode for entry in one.false} >= {1, 2, 3} and not one.contradicts
+    assert one.channels == POSE and {entry.episode for entry in one.stretches} >= {1, 2, 3} and not one.contradicts
 
 
 @pytest.mark.parametrize("channel", ["z", "yaw"])

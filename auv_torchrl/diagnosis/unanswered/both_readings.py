@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
-from auv_torchrl.diagnosis.unanswered.wording import named, tell, tell_other_source, untrue
+from auv_torchrl.diagnosis.unanswered.wording import in_words, named, tell, tell_other_source
 from auv_torchrl.diagnosis.verdict import (
     OTHERS,
     Alternative,
@@ -67,11 +67,11 @@ def _unless_of_another_source(
         return logged
     for suspect in find_other_source(log, found.problem, settings):
         if set(suspect.channels) >= set(log.axes):
-            return _alone(logged, tell_other_source(suspect.false, len(log.episodes), whole=True))
+            return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
             continue
-        silent = tell_other_source(blamed(suspect.false), len(log.episodes))
+        silent = tell_other_source(blamed(suspect.stretches), len(log.episodes))
         if fit_the_vehicle(others, found.problem, settings):
             return _alone(logged, silent)
         if guessed and (rest := _explained(others, suspect.contradicts, once)):  # by a file corrected anew
@@ -79,14 +79,14 @@ def _unless_of_another_source(
     return logged
 
 
-def _explained(others: FlightLog, faulty: bool, once: Once) -> Diagnosis | None:
+def _explained(others: FlightLog, may_be_faulty: bool, once: Once) -> Diagnosis | None:
     """The diagnosis of all other channels, where that explains them; by a fault of the vehicle only if it may be."""
     try:
         rest, found = once(others, 0.8, 1.0)
     except FlightLogError:  # too little is left to explain
         return None
     faults = any(not effect.calibrates for effect in rest.effects)
-    return rest if is_explained(found) and (faulty or not faults) else None
+    return rest if is_explained(found) and (may_be_faulty or not faults) else None
 
 
 def _is_all(log: FlightLog, vehicle: Vehicle, settings: Settings, still: Sequence[Stillness]) -> bool:
@@ -142,7 +142,7 @@ def _alone(logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
         summary=" ".join(_sentence(finding.sentence) for finding in silent),
         effects=(),
         candidates=_halved((), seen),
-        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, untrue(silent)),
+        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, in_words(silent)),
         indistinguishable=(),
         next_experiment=None,
         gap=_as_before(logged.gap),
@@ -184,7 +184,7 @@ def _both(
 ) -> tuple[Alternative, ...]:
     """What all other channels leave open, beside a channel that does not answer; and the other reading."""
     other = BELIEVED * min((effect.probability for effect in others), default=0.0)
-    still = untrue(silent)
+    still = in_words(silent)
     found = []
     for one in rest:
         besides = one.besides if one.besides == OTHERS else " and ".join(filter(None, (one.besides, still)))

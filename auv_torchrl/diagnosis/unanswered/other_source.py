@@ -24,11 +24,11 @@ from auv_torchrl.diagnosis.localize.attribute import in_pieces
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness
+from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness, channels_of
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLog, FlightLogError
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import CHANNELS, MOTION
+from auv_torchrl.sensors import MOTION
 
 LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
 SURE = 5.0  # log odds from a moment on, beside which all other channels must fit
@@ -45,13 +45,13 @@ PARTIES = 2  # sensors of a contradiction: which one is false is told by what th
 class Suspect:
     """Channels that may be of another source."""
 
-    false: tuple[Stillness, ...]  # where they are, all along or from a moment on
+    stretches: tuple[Stillness, ...]  # in which they may be so: all along or from a moment on
     contradicts: bool  # whether another sensor tells of another motion, and not the thrust alone
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Their names."""
-        return tuple(sorted({entry.channel for entry in self.false}, key=CHANNELS.index))
+        return channels_of(self.stretches)
 
 
 def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Suspect, ...]:
@@ -97,8 +97,8 @@ def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[Suspect]:
         names, first = set(windows.channels), max(one[-2] for one in sure)
     elif HEADING in names:
         names |= set(OF_POSITION) & set(windows.channels)
-    false = tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
-    yield Suspect(false, contradicts=False)
+    stretches = tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
+    yield Suspect(stretches, contradicts=False)
 
 
 def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:

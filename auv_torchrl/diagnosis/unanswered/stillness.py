@@ -6,7 +6,7 @@ white noise, and how far the commands would have moved the vehicle of the file f
 and a constant force can make. Whether that vehicle is the right one is weighed later.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,6 +57,11 @@ class Stillness:
     def covers(self, t: Floats) -> np.ndarray:
         """At which times (T,) of its episode it lasts."""
         return (t >= self.first_s) & (t <= self.last_s)
+
+
+def channels_of(stretches: Iterable[Stillness]) -> tuple[str, ...]:
+    """The channels of stretches, each once, in the order of all channels."""
+    return tuple(sorted({entry.channel for entry in stretches}, key=CHANNELS.index))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from auv_torchrl.diagnosis.unanswered.stillness import Stillness
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness, channels_of
 from auv_torchrl.flightlog import Finding, Severity
 from auv_torchrl.sensors import CHANNELS
 
@@ -42,7 +42,7 @@ def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = F
         episodes: of the log: of one, its number is not told.
         whole: whether these are all channels.
     """
-    channels = tuple(sorted({entry.channel for entry in false}, key=CHANNELS.index))
+    channels = channels_of(false)
     name, when = named(channels), ""
     if (first := false[0]).episode is not None:
         when = f"from {first.first_s:.0f} s" + (f" of episode {first.episode}" if episodes > 1 else "") + " on "
@@ -80,7 +80,7 @@ def is_all(findings: Iterable[Finding]) -> bool:
     return any(finding.code in (NOTHING_MOVES, NOTHING_FOLLOWS) for finding in findings)
 
 
-def untrue(findings: Iterable[Finding]) -> str:
+def in_words(findings: Iterable[Finding]) -> str:
     """A clause: what does not answer to commands, or does not follow the vehicle."""
     found = list(findings)
     codes = {finding.code for finding in found}
@@ -118,7 +118,7 @@ def _at_once(one: Stillness, other: Stillness) -> bool:
 
 
 def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
-    channels = tuple(sorted({entry.channel for entry in group}, key=CHANNELS.index))
+    channels = channels_of(group)
     when = _when(group, episodes)
     if whole:
         sentence = (
