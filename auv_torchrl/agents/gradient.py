@@ -28,12 +28,14 @@ class GradientLearner(Learner):
         self._weights = list(self.exploring.parameters())
         self._follow([weight.data for weight in self._weights])
         self.optimiser = torch.optim.Adam(self._weights, lr=config.learning_rate, fused=True)
+        self._stuck = torch.tensor(False, device=device)  # whether no horizon of a stretch gave a gradient yet
 
     def learn(self, fleet: EnvBase, before: int, critics_alone: int) -> Iterator[Learnt]:
         """Fly one horizon after the other from where the vehicles are, and climb after each."""
         config, frames = self.config, before
         batch = config.num_envs * config.steps_per_batch
         state = fleet.reset()
+        self._stuck = torch.ones_like(self._stuck)
         for _ in range(config.stretch_steps // config.steps_per_batch):
             state, rewards, flown = self._fly(fleet, self._begin(fleet, state))
             frames += batch
@@ -66,11 +68,14 @@ class GradientLearner(Learner):
         self.optimiser.zero_grad(set_to_none=True)
         (-reward).backward()
         norm = torch.nn.utils.clip_grad_norm_(self._weights, config.gradient_norm)
-        for weight in self._weights:  # of a vehicle that tumbles it is too long for a number, and points nowhere
+        for weight in self._weights:  # the gradient of a tumbling vehicle is too long for a number, and points nowhere
             weight.grad = None if weight.grad is None else torch.nan_to_num(weight.grad, 0.0, 0.0, 0.0)
         self.optimiser.step()
         self._move_average(config.average)
-        return {"loss_actor": -reward.detach(), "gradient_norm": torch.nan_to_num(norm, torch.finfo(norm.dtype).max)}
+        most = torch.finfo(norm.dtype).max
+        self._stuck = self._stuck & ~norm.isfinite()  # a stretch without any gradient has diverged
+        length = torch.where(self._stuck, norm, torch.nan_to_num(norm, most, most))
+        return {"loss_actor": -reward.detach(), "gradient_norm": length}
 
     def parts(self) -> dict[str, Any]:
         """Policy and optimiser, too."""

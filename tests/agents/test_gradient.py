@@ -96,6 +96,22 @@ def test_a_gradient_that_is_too_long_for_a_number_moves_nothing(steep):
     assert all((weight > old).all() for weight, old in zip(learner._weights, before, strict=True))
 
 
+@pytest.mark.parametrize(("given", "diverged"), [([1e25, 1e25, 1e25], True), ([1e25, 1.0, 1e25], False)])
+def test_a_stretch_without_any_gradient_has_diverged(given, diverged, monkeypatch):
+    """One gradient among those that are too long is enough to go on."""
+    config = settings_of(num_envs=3, steps_per_batch=5, stretch_steps=15)
+    fleet = config.make_fleet("mujoco", load_vehicle("paper"), TASK, 0, "cpu")
+    learner, steep = GradientLearner(16, 4, config, torch.device("cpu")), iter(given)
+
+    def fly(fleet, state):
+        total = torch.stack([weight.sum() for weight in learner._weights]).sum()
+        return state, next(steep) * total[None], torch.ones(1)
+
+    monkeypatch.setattr(learner, "_fly", fly)
+    *_, last = learner.learn(fleet, 0, 0)
+    assert last.losses is not None and math.isfinite(last.losses["gradient_norm"]) is not diverged
+
+
 def test_the_past_is_cut_off_and_the_flight_goes_on():
     """A horizon begins where the last one ended, with no gradient into it."""
     config = settings_of(num_envs=3, steps_per_batch=5, stretch_steps=5, restart=0.0)
