@@ -68,7 +68,9 @@ class Neighbourhood:
         problem, mine = self.problem, set(self.best.explanation.effects)
         if len(mine) >= problem.settings.most_effects:
             return []
-        fields = [(Field.of(problem, self.best.path), self.best.path)] if mine else [(self.field, self.follow)]
+        fields = [] if mine else [(self.field, self.follow)]
+        if mine and self.best.path.state.slope.size:  # that of a fit which was set aside has none
+            fields = [(Field.of(problem, self.best.path), self.best.path)]
         if mine and leaves_much(problem, self.best):
             fields.append((Field.of(problem, self.follow, self.best.explanation), self.follow))
         promised: dict[Key, Proposal[Neighbour]] = {}

@@ -160,6 +160,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
             self.exchange(best, fitted := rescued(self._problem, fitted, self._follow))
             outdone = any(record.outcome is Outcome.OUTDONE for record in self.records)
             best = self.settle(fitted) if outdone else self.climb(self.settle(fitted))
+        if further and leaves_much(self._problem, best):
+            best = self._begun_elsewhere(best)
         best = self._without_small(self._named_plainly(best))
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
@@ -168,17 +170,39 @@ class _EffectSearch(Search[Neighbour, Fit]):
         fits = tuple(one if one is best or one is none else one.set_aside() for one in ranked)
         return Found(self._problem, self._follow, none, best, fits, self._field, trace)
 
+    def _begun_elsewhere(self, best: Fit) -> Fit:
+        """The best that is reached from another single effect than the climb began with.
+
+        What explains most alone need not be a part of the truth: of two faults, a third effect may imitate both.
+        """
+        alone = [one for one in self.fits if len(one.explanation.effects) == 1]
+        ranked = sorted(alone, key=self.posterior, reverse=True)
+        each = {one.explanation.effects: one for one in reversed(ranked)}  # the likeliest fit of each effect
+        here, pairs = self.posterior(best), []
+        for one in ranked[1:]:
+            if each[one.explanation.effects] is one and one.explanation.effects != ranked[0].explanation.effects:
+                likely = [pair for pair in self._around(one, here).larger() if pair.simulate][:1]
+                pairs += [(self.fit(pair, best), pair) for pair in likely]
+        winner = max((one for one, _ in pairs if not self.is_small(one)), key=self.posterior, default=best)
+        is_better = self.posterior(winner) > here
+        for one, pair in pairs:
+            self.note(one, pair.promised.proposed, Outcome.STEP if is_better and one is winner else Outcome.NO_GAIN)
+        return self.climb(self.settle(winner)) if is_better else best
+
+    def _around(self, best: Fit, here: float) -> Neighbourhood:
+        """The neighbourhood of a fit, whose neighbours must promise a log posterior."""
+        # No effect leaves less along the measured motion than where it is simulated, and effects that explain the same.
+        along = best.evidence if best.explanation.effects else self._field.none().evidence
+        unknown = here + self._unknown - along
+        return Neighbourhood(self._problem, self._follow, self._field, best, here, self._is_known, unknown)
+
     def neighbours(self, way: Way, best: Fit) -> Sequence[Proposal[Neighbour]]:
         """See :meth:`Search.neighbours`."""
         self._progress("comparing explanations", min(0.9, 0.45 + 0.02 * len(self.fits)))
         for place, one in enumerate(self.fits):  # slopes of what is far behind would fill the memory
             if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
                 self.fits[place] = one.set_aside()
-        here = self.posterior(best)
-        # No effect leaves less along the measured motion than where it is simulated, and effects that explain the same.
-        along = best.evidence if best.explanation.effects else self._field.none().evidence
-        unknown = here + self._unknown - along
-        around = Neighbourhood(self._problem, self._follow, self._field, best, here, self._is_known, unknown)
+        around = self._around(best, self.posterior(best))
         return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
 
     def fit(self, proposal: Proposal[Neighbour], best: Fit) -> Fit:

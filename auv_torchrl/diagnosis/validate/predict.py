@@ -53,6 +53,7 @@ def predict_by(problem: Problem, log: FlightLog, vehicles: list[Vehicle], settin
     return predict(log, vehicles, settings, problem.sigma, PUSHED * problem.floor)
 
 
+@DIVERGING
 def predict(
     log: FlightLog, vehicles: list[Vehicle], settings: Settings, sigma: dict[str, float], force: Floats
 ) -> Predictions:
@@ -77,7 +78,8 @@ def predict(
     state = follow(begin, best, layout, sigma, force, rough)
     slope = state.slope / noise_per_sample(begin, sigma)[:, None]
     precision = np.concatenate([layout.loose**-2.0, np.tile(force**-2.0, layout.bins)])
-    covariance = np.linalg.inv(slope.swapaxes(1, 2) @ slope + np.diag(precision))
+    information = information_of(slope)
+    covariance = np.linalg.inv(information + np.diag(precision))
     root = np.linalg.cholesky(covariance[:, : len(layout.start), : len(layout.start)])
     starts = np.repeat(state.start[:, None], 1 + len(layout.start), axis=1)
     starts[:, 1:, layout.start] += SMALL * root.swapaxes(1, 2)
@@ -94,6 +96,12 @@ def predict(
         states.append(passed[:, 0])
         reported.append(predicted[:, 0])
     return Predictions(windows, np.stack(errors, 1), spread, np.stack(states, 1), np.stack(reported, 1))
+
+
+def information_of(slope: Floats) -> Floats:
+    """Information (W, k, k) of whitened slopes (W, m, k): none where the vehicle diverges and follows no sample."""
+    information = slope.swapaxes(1, 2) @ slope
+    return np.where(np.isfinite(information).all((1, 2), keepdims=True), information, 0.0)
 
 
 def errors_along(windows: Windows, predicted: Floats) -> Floats:
