@@ -63,12 +63,12 @@ class Estimate(Memory):
             self.entries = np.arange(d, 2 * d)
             by_wrench = motion(np.zeros((1, d)), np.zeros((1, d))).by_wrench[0]
             reach = (np.abs(by_wrench[d:]) * motion.full_wrench).sum(-1)
-            slack = 10 * np.full(d, config.velocity_noise)
+            tolerance = 10 * np.full(d, config.velocity_noise)
         else:
             self.entries = np.arange(d)
             reach = np.zeros(d)
-            slack = np.array((*(config.largest_jump_m,) * 3, 1.0))
-        self.guard = MeasurementGuard(count, motion.control_dt, reach, slack, config)
+            tolerance = np.array((*(config.largest_jump_m,) * 3, 1.0))
+        self.guard = MeasurementGuard(count, motion.control_dt, reach, tolerance, config)
         self.remember(noise_scale=np.ones(count), beginning=np.zeros(count, dtype=bool))
         level = np.tile(np.eye(1, 7, 3), (count, 1))
         self.remember(body=level, turned=np.zeros((count, motion.per_share.shape[1])))

@@ -102,7 +102,7 @@ class MeasurementGuard(Memory):
         count: number of vehicles N.
         control_dt: s between two measurements.
         reach: (D,) change of a measured value in one step by the full wrench.
-        slack: (D,) difference that noise and uncertainty explain.
+        tolerance: (D,) difference that noise and uncertainty explain.
         config: says how late and how far off a measurement may be.
     """
 
@@ -110,10 +110,10 @@ class MeasurementGuard(Memory):
     time: Array  # (N,) s, of it
     impossible: Array  # (N,) number of impossible measurements in a row
 
-    def __init__(self, count: int, control_dt: float, reach: Array, slack: Array, config: AdaptationConfig):
+    def __init__(self, count: int, control_dt: float, reach: Array, tolerance: Array, config: AdaptationConfig):
         super().__init__()
         self.control_dt, self.config = control_dt, config
-        self.bound = config.largest_reach * reach + slack
+        self.bound = config.largest_reach * reach + tolerance
         nothing = np.full((count, len(reach) + 4), np.nan)
         self.remember(previous=nothing, time=np.full(count, np.nan), impossible=np.zeros(count, dtype=np.int64))
 

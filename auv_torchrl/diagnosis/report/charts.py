@@ -150,12 +150,12 @@ def thrusts(measured: ThrustMap) -> Markup:
     for share in (0.0, 0.5, 1.0, 1.5):
         y = down(share)
         parts += [line(_LEFT, y, _WIDTH - _RIGHT, y, "grid"), text(_LEFT - 5, y + 3.5, percent(share), "tick", "end")]
-    for command, said, anchor in ((-1.0, "full back", "start"), (0.0, "0", "middle"), (1.0, "full ahead", "end")):
-        parts.append(text(across(command), _HEIGHT - 8, said, "tick", anchor))
+    for command, label, anchor in ((-1.0, "full back", "start"), (0.0, "0", "middle"), (1.0, "full ahead", "end")):
+        parts.append(text(across(command), _HEIGHT - 8, label, "tick", anchor))
     parts.append(polyline([across(-1.0), across(1.0)], [down(1.0)] * 2, "curve before"))
     for one in measured.slices:
         left, right, top, bottom = across(one.low), across(one.high), down(one.most), down(one.least)
         parts.append(rect(left, top, right - left, max(bottom - top, 1.0), "band", 0))
         parts.append(line(left, down(one.share), right, down(one.share), "curve after"))
-    said = f"what thruster {measured.thruster} gives of its thrust, by its command"
-    return svg(_WIDTH, _HEIGHT, said, parts, "chart")
+    title = f"what thruster {measured.thruster} gives of its thrust, by its command"
+    return svg(_WIDTH, _HEIGHT, title, parts, "chart")
