@@ -1,6 +1,7 @@
 """Numbers as people read them, on the console and on pages: digits, units, shares and plurals. Files keep SI units."""
 
 import math
+from collections.abc import Iterable
 
 _LENGTHS = ((1.0, 1.0, "m"), (0.01, 100.0, "cm"), (0.0, 1000.0, "mm"))  # least size in m, factor, unit
 _DEGREES = {"rad": "°", "rad/s": "°/s"}  # angles in radians are for programs
@@ -14,6 +15,12 @@ def words(name: str) -> str:
 def counted(count: int, one: str, many: str = "") -> str:
     """``1 episode``, ``3 episodes``; ``many`` where the plural is not the singular with an s."""
     return f"{count:,} {one if count == 1 else many or one + 's'}"
+
+
+def series(names: Iterable[object]) -> str:
+    """Names in a row: ``2``, ``2 and 3``, ``2, 3 and 5``."""
+    *first, last = map(str, names)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -5,7 +5,8 @@ from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
 from auv_torchrl.diagnosis.summary import MAINLY, SLACK, SOUND, suspects, within_floor
 from auv_torchrl.diagnosis.unanswered.wording import in_words, not_answering
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict, Where, how_sure
-from auv_torchrl.quantities import counted, words
+from auv_torchrl.effects import EFFECTS
+from auv_torchrl.quantities import series, words
 
 MOST_WORDS = 15  # what is read at a glance
 FILE_OFF = "the vehicle's file is off in many coefficients at once"
@@ -44,17 +45,18 @@ def headline_of(diagnosis: Diagnosis) -> str:
 
 
 def _short(effect: FoundEffect) -> str:
-    """The sentence of an effect, or where it is long or tells of several values, its name and where it acts."""
+    """The sentence of an effect, or where it is long or tells of several values, what is wrong with which thrusters."""
     clause = effect.sentence.rstrip(".")
     several = ";" in clause and len(effect.thrusters) > 1
     for shorter in () if several else (clause, clause.split(";")[0]):
         shown = how_sure(shorter, effect.probability)
         if ";" not in shown and _count(shown) <= MOST_WORDS:
             return shown
-    numbers = ", ".join(map(str, effect.thrusters))
-    name = words(effect.name)
-    where = f" of {counted(len(effect.thrusters), 'thruster')}: {numbers}" if numbers else ""
-    shown = how_sure(f"{name}{where}", effect.probability)
+    name, numbers = words(effect.name), effect.thrusters
+    several = EFFECTS[effect.name].of_several if effect.name in EFFECTS and len(numbers) > 1 else ""
+    where = f" of thruster{'s' if len(numbers) > 1 else ''} {series(numbers)}" if numbers else ""
+    clause = several.format(which=series(numbers)) if several else f"{name}{where}"
+    shown = how_sure(clause, effect.probability)
     return shown if _count(shown) <= MOST_WORDS else how_sure(name, effect.probability)
 
 

@@ -43,6 +43,7 @@ thruster_gain = Effect(
         ),
     ),
     change=of_thrusters(scales(gain="gain")),
+    of_several="thrusters {which} do not give their nominal thrust",
     advice=advice.thruster_gain,
     trial=Trial(
         wears={"gain": -1},
@@ -131,6 +132,7 @@ thruster_swap = Effect(
     change=_swap,
     shorthand=_read_swap,
     sentence=_plugs_in_words,
+    of_several="the plugs of thrusters {which} are exchanged or reversed",
     advice=advice.thruster_swap,
     trial=Trial(same_as=_reversed_gain),
 )
@@ -170,6 +172,7 @@ thruster_misalignment = Effect(
         ),
     ),
     change=of_thrusters(_misalignment),
+    of_several="thrusters {which} point off their directions",
     advice=advice.thruster_misalignment,
     trial=Trial(
         same_as=_turned_by_servo,
@@ -192,6 +195,7 @@ thrust_limit = Effect(
         Parameter("limit", "N", own("limit"), 0.0, 200.0, "thruster {which} saturates at {quantity}", "thruster"),
     ),
     change=of_thrusters(sets(limit="limit")),
+    of_several="thrusters {which} saturate early or late",
     advice=advice.thrust_limit,
     trial=Trial(
         wears={"limit": -1},
@@ -229,6 +233,7 @@ thruster_place = Effect(
         for axis, words in (("x", "forward of"), ("y", "to starboard of"), ("z", "below"))
     ),
     change=of_thrusters(_place),
+    of_several="thrusters {which} sit elsewhere than the file says",
     advice=advice.always("measure where the thrusters sit, and put it into the vehicle file (thrusters.position)"),
     is_property=True,
     trial=Trial(
@@ -260,6 +265,7 @@ reaction_torque = Effect(
         ),
     ),
     change=of_thrusters(sets(arm="reaction")),
+    of_several="the propellers of thrusters {which} turn the vehicle",
     advice=advice.reaction_torque,
     trial=Trial(
         odds=1e-2,  # a propeller of the other hand, with its wires exchanged, is rarer than one that is worn

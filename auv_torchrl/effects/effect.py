@@ -126,6 +126,7 @@ class Effect:
     change: Callable[..., Vehicle]
     shorthand: Callable[[Vehicle, Mapping[str, Any]], dict[str, Any]] | None = None
     sentence: Callable[[Mapping[str, float]], str] | None = None  # of all that departs; else one for each parameter
+    of_several: str = ""  # short clause of a headline about several thrusters, {which}
     advice: Callable[[Mapping[str, float], Mapping[str, float]], tuple[Advice, ...]] | None = None  # what to do then
     is_property: bool = False  # of a vehicle for good: a file may have it wrong, but it does not come about
     trial: Trial = field(default_factory=Trial)  # how the diagnosis tries it

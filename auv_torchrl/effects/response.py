@@ -139,6 +139,7 @@ def _one_way(field: str, way: str, meaning: str) -> Effect:
             ),
         ),
         change=of_thrusters(lambda vehicle, gain: changed(vehicle, **{field: gain})),
+        of_several=f"thrusters {{which}} do not give their nominal thrust {way}",
         advice=partial(advice.one_way_gain, way),
         trial=Trial(
             wears={"gain": -1},
@@ -171,6 +172,7 @@ neutral_offset = Effect(
         ),
     ),
     change=of_thrusters(sets(offset="neutral_offset")),
+    of_several="thrusters {which} push at command 0",
     is_property=True,  # a setting of the speed controller: it does not come about between two runs
     advice=advice.neutral_offset,
     trial=Trial(

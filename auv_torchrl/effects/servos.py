@@ -101,6 +101,7 @@ def _gain(kind: Kind) -> Effect:
             ),
         ),
         change=kind.of_these(scales(gain="gain")),
+        of_several=f"{kind.called}s {{which}} turn otherwise than told",
         shorthand=kind.read(name),
         advice=advice.servo_gain(kind.called),
         trial=Trial(wears={"gain": -1}, scans={"gain": Scan((0.0,), linear=True)}, nuisance={"gain": 0.03}),
@@ -121,6 +122,7 @@ def _offset(kind: Kind) -> Effect:
             ),
         ),
         change=kind.of_these(adds(offset="servo_offset")),
+        of_several=f"{kind.called}s {{which}} stand off their middle",
         shorthand=kind.read(name),
         advice=advice.servo_offset(kind.called),
         trial=Trial(scans={"offset": Scan(kind.scan)}),
@@ -153,6 +155,7 @@ def _stuck(kind: Kind) -> Effect:
             ),
         ),
         change=kind.of_these(_stays),
+        of_several=f"{kind.called}s {{which}} are stuck",
         shorthand=kind.read(name),
         advice=advice.servo_stuck(kind.called),
         trial=Trial(is_searched=False),  # a gain of 0 and an offset say the same

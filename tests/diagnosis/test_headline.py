@@ -63,6 +63,19 @@ def test_a_headline_is_read_at_a_glance(effects, verdict, findings, loose):
     assert "_" not in headline
 
 
+MANY = [name for name, effect in EFFECTS.items() if any(p.over == "thruster" for p in effect.parameters)]
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_several_thrusters_of_one_effect_are_a_sentence(name):
+    """Of every effect that acts on single thrusters, and of as many as there are."""
+    numbers = tuple(range(1, 7))
+    several = FoundEffect(name, 1.0, {}, numbers, 0.5, "; ".join(f"thruster {k} does something" for k in numbers))
+    headline = headline_of(replace(EXAMPLE, effects=(several,), verdict=Verdict.EXPLAINED, findings=()))
+    clause = EFFECTS[name].of_several.format(which="1, 2, 3, 4, 5 and 6")
+    assert headline.lower() == f"{clause}.".lower() and len(headline.split()) <= MOST_WORDS
+
+
 @pytest.mark.parametrize("verdict", [Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED])
 def test_a_thruster_that_comes_and_goes_is_said_with_its_share_and_looked_at_first(verdict):
     """A loose plug has no name in the library, and its owner knows all the same where to look."""

@@ -222,21 +222,14 @@ class _EffectSearch(Search[Neighbour, Fit]):
         if not fitted.explanation.effects or not np.isfinite(fitted.chi2):
             return False
         sound = any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
-        return sound and bool(self._small(fitted))
-
-    def _small(self, fitted: Fit) -> list[str]:
-        """Effects whose force is small beside that of nuisance parameters."""
-        terms, effects = likeliest(self._problem, fitted).terms, fitted.explanation.effects
-        each = [Explanation(tuple(term for term in terms if term.effect == effect)) for effect in effects]
-        small = sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size
-        return [effect for effect, is_small in zip(effects, small, strict=True) if is_small]
+        return sound and bool(_small(self._problem, fitted))
 
     def _without_small(self, best: Fit) -> Fit:
         """Without what does less than nuisance parameters do, where they do without: beside a fault that is no finding.
 
         Healthy flights differ by as much among themselves: then it is none whatever is left without it.
         """
-        small, members = self._small(best), self._small_members(best)
+        small, members = _small(self._problem, best), _small_members(self._problem, best)
         rest = tuple(t for t in best.explanation.terms if t.effect not in small and t.key not in members)
         if not rest or len(rest) == len(best.explanation.terms):
             return best
@@ -249,14 +242,6 @@ class _EffectSearch(Search[Neighbour, Fit]):
         gone = [*small, *(member for _, (member, *_) in members)]
         self.note(less, f"without {words(' and '.join(gone))}", Outcome.STEP if is_sound else Outcome.NEEDED)
         return less if is_sound else best
-
-    def _small_members(self, fitted: Fit) -> list[tuple[str, tuple[str, ...]]]:
-        """Members of families, beside others of their effect, whose force is small likewise."""
-        terms = likeliest(self._problem, fitted).terms
-        several = [one for one in terms if sum(other.effect == one.effect for other in terms) > 1]
-        each = [Explanation((term,)) for term in several if is_of_family(self._problem, term)]
-        small = sizes(self._problem, each, fitted.path) < MINOR * self._problem.nuisance_size
-        return [one.terms[0].key for one, is_small in zip(each, small, strict=True) if is_small]
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
@@ -323,3 +308,20 @@ class _EffectSearch(Search[Neighbour, Fit]):
         self._tried.clear()  # what is smaller was tried beside other names
         self.ways = (Way.SMALLER,)
         return self.climb(renamed)
+
+
+def _small(problem: Problem, fitted: Fit) -> list[str]:
+    """Effects whose force is small beside that of nuisance parameters."""
+    terms, effects = likeliest(problem, fitted).terms, fitted.explanation.effects
+    each = [Explanation(tuple(term for term in terms if term.effect == effect)) for effect in effects]
+    small = sizes(problem, each, fitted.path) < MINOR * problem.nuisance_size
+    return [effect for effect, is_small in zip(effects, small, strict=True) if is_small]
+
+
+def _small_members(problem: Problem, fitted: Fit) -> list[tuple[str, tuple[str, ...]]]:
+    """Members of families, beside others of their effect, whose force is small likewise."""
+    terms = likeliest(problem, fitted).terms
+    several = [one for one in terms if sum(other.effect == one.effect for other in terms) > 1]
+    each = [Explanation((term,)) for term in several if is_of_family(problem, term)]
+    small = sizes(problem, each, fitted.path) < MINOR * problem.nuisance_size
+    return [one.terms[0].key for one, is_small in zip(each, small, strict=True) if is_small]
