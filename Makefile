@@ -18,7 +18,7 @@ export MPLBACKEND := Agg
 # Where it is set, each process would compile the libraries anew, for 8 s.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env train diagnose sweep test suite test-all test-fast check format bench blind real fuzz docs clean
+.PHONY: help env train diagnose sweep test suite test-all test-fast check format bench gpu blind real fuzz docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -92,6 +92,10 @@ format: $(READY) ## format the code
 bench: $(READY) ## measure the figures of docs/results/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python -m benchmarks.control
+
+gpu: $(READY) ## on a machine with a GPU: its tests, steps per second, trainings
+	$(BIN)/python -m pytest -m gpu
+	$(BIN)/python -m benchmarks.control.on_gpu
 
 blind: $(READY) ## sealed benchmark: CASES=430 SENSORS=stock STRANGERS=2
 	$(BIN)/python -m benchmarks.blind $(if $(CASES),cases=$(CASES)) sensors=$(SENSORS) strangers=$(STRANGERS)
