@@ -14,11 +14,11 @@ from auv_torchrl.diagnosis.doubt import (
     limited,
 )
 from auv_torchrl.diagnosis.explain import Explained
-from auv_torchrl.diagnosis.headline import FILE_OFF
 from auv_torchrl.diagnosis.identify.posterior import SOMETHING_UNKNOWN, alternatives, effect_probabilities
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.wording import does_otherwise
 from auv_torchrl.diagnosis.log_search import judge
+from auv_torchrl.diagnosis.summary import FILE_OFF
 from auv_torchrl.diagnosis.validate.predict import closed_share, measure_gap
 from auv_torchrl.diagnosis.validate.veto import falls_short
 from auv_torchrl.diagnosis.verdict import Alternative, FoundEffect, Gap, Verdict, Where

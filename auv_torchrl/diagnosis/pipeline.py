@@ -21,7 +21,6 @@ from auv_torchrl.diagnosis.findings import (
     volts_findings,
     with_configuration,
 )
-from auv_torchrl.diagnosis.headline import headline_of
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, load_settings
 from auv_torchrl.diagnosis.identify.posterior import detectable_sizes, hidden_members, with_more_flights
@@ -30,7 +29,7 @@ from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, 
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
-from auv_torchrl.diagnosis.summary import summarise
+from auv_torchrl.diagnosis.summary import headline_of, summarise
 from auv_torchrl.diagnosis.unanswered.both_readings import weigh_readings
 from auv_torchrl.diagnosis.validate.confirm import confirm, is_possible, not_confirmed
 from auv_torchrl.diagnosis.validate.predict import held_out_windows

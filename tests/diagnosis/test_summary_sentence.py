@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from auv_torchrl.diagnosis.summary import SLACK, SOUND, summarise
+from auv_torchrl.diagnosis.summary import NO_FAULT, SOUND, summarise
 from auv_torchrl.diagnosis.verdict import Verdict, Where
 from tests.diagnosis.example import example
 
@@ -53,7 +53,7 @@ def test_what_is_likely_is_told_before_what_is_not():
     assert "; perhaps (40 %) it carries 5 N and it carries that 0.3 m ahead; together that explains 97 %" in said
 
 
-@pytest.mark.parametrize(("factor", "sentence"), [(1.2, SOUND), (5.0, SLACK)])
+@pytest.mark.parametrize(("factor", "sentence"), [(1.2, SOUND), (5.0, NO_FAULT)])
 def test_no_gap_is_told_from_slack(factor, sentence):
     """A vehicle within the floor is predicted; one beyond it, without an effect, has the slack that all have."""
     position = FOUND.gap.position_m

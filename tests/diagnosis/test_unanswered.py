@@ -13,9 +13,9 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.table import summary_table
-from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import find_other_source
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness
+from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
 from auv_torchrl.flightlog import POSE, read_flightlog, write_flightlog
 from auv_torchrl.vehicle import load_vehicle

@@ -2,8 +2,13 @@
 
 Whichever of the two has the higher evidence is told. The hypothesis is weighed against effects as these are against
 each other; effects that stand in for such a thruster would blame others beside it.
+
+A map is measured along the motion: the thrust is cut into slices by the size of its command, each way by itself. Each
+slice is there by a share of its own, 1 where the thruster gives what it should, and besides the thruster may push at
+rest. The shares have a normal prior about 1, and are integrated out as the moments of a thruster are.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,11 +17,89 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
+from auv_torchrl.diagnosis.localize.attribute import on_grid, quadratics
 from auv_torchrl.diagnosis.localize.moments import Moments, changing_thruster
-from auv_torchrl.diagnosis.localize.thrust_map import Mapped, measure_map
-from auv_torchrl.diagnosis.thresholds import CLOSES
-from auv_torchrl.diagnosis.verdict import Intermittence, ThrustMap
+from auv_torchrl.diagnosis.motion.force import MeasuredMotion
+from auv_torchrl.diagnosis.motion.rollout import DIVERGING
+from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.thresholds import CLOSES, Z95
+from auv_torchrl.diagnosis.verdict import Intermittence, Slice, ThrustMap
+from auv_torchrl.physics import ActiveTerms
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.sysid.trace import Outcome
+
+SLICE = 0.1  # of the full command: finer ones are too short to be told
+SPREAD = 1.0  # standard deviation of the share of a slice, before anything was seen: it may as well be dead
+AT_REST = 0.3  # likewise of the thrust at rest, of the full thrust
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A thruster with a map of its own, and what that is worth."""
+
+    measured: ThrustMap
+    evidence: float  # log evidence of the log under the map, and nothing else that is wrong
+    excess: float  # chi-square per number under the map
+
+
+@DIVERGING
+def measure_map(problem: Problem, path: WindowPath, thruster: int) -> Mapped | None:
+    """The map of a thruster, from 1; None of a servo."""
+    own = thruster - 1
+    if own in (*problem.vehicle.fins, *problem.vehicle.azimuths):
+        return None
+    commands = on_grid(problem.windows, problem.windows.commands)[problem.followed][..., own]
+    edges = sorted({_slice_of(command) for command in np.unique(np.round(commands, 3)).tolist() if command})
+    forces = np.stack([*_of_slices(path, own, edges), _at_rest(path, own)], axis=1)
+    (q,) = quadratics(problem, path, forces, [problem.followed])
+    spread = np.array([SPREAD] * len(edges) + [AT_REST])
+    inverse = np.linalg.inv(q.A + np.diag(spread**-2.0))
+    amount = inverse @ q.b
+    volume = float(np.linalg.slogdet(np.eye(len(spread)) + spread[:, None] * q.A * spread)[1])
+    closed = float(q.b @ amount)
+    excess = (q.constant - closed) / max(q.numbers, 1)
+    half = Z95 * np.sqrt(max(1.0, excess) * np.diag(inverse))  # what no map explains makes it as unsure
+    now = float(path.vehicle.gain[0, own] / problem.vehicle.gain[..., own])
+    slices = (
+        Slice(low, high, now + a, now + a - h, now + a + h)
+        for (low, high), a, h in zip(edges, amount.tolist(), half.tolist(), strict=False)
+    )
+    push, band = float(amount[-1]), float(half[-1])
+    measured = ThrustMap(thruster, tuple(slices), push, push - band, push + band)
+    return Mapped(measured, 0.5 * (closed - volume - q.constant), excess)
+
+
+def _slice_of(command: float) -> tuple[float, float]:
+    """From and to which command the slice goes that holds one; backwards both are negative."""
+    k, way = min(int(abs(command) / SLICE + 1e-9), round(1 / SLICE) - 1), 1 if command > 0 else -1
+    near, far = round(way * SLICE * k, 6), round(way * SLICE * (k + 1), 6)
+    return min(near, far), max(near, far)
+
+
+def _of_slices(path: WindowPath, own: int, edges: list[tuple[float, float]]) -> Iterator[Floats]:
+    """Forces (W, S, 6) that the thruster makes by its commands within each pair of edges."""
+    windows, whole = path.windows, path.windows.held[..., own]
+
+    def course(kept: np.ndarray) -> MeasuredMotion:
+        held = windows.held.copy()
+        held[..., own] = np.where(kept, whole, 0.0)
+        parts = None if windows.parts is None else held
+        masked = replace(windows, commands=held.mean(2), parts=parts)
+        return MeasuredMotion.of(masked, path.coefficients, path.motion)
+
+    nothing = course(np.zeros(whole.shape, bool))
+    for low, high in edges:
+        size, (near, far) = np.abs(whole), sorted((abs(low), abs(high)))
+        within = (np.sign(whole) == np.sign(low + high)) & (size >= near) & ((size < far) | (far >= 1.0))
+        shown = course(within)
+        yield replace(nothing, windows=shown.windows).forces(path.coefficients)[:, 0]
+
+
+def _at_rest(path: WindowPath, own: int) -> Floats:
+    """Force (W, S, 6) of the full thrust of the thruster, all the time."""
+    c = path.coefficients
+    push = wrench_per_share(c, ActiveTerms.of(c))[0, :, own]
+    return np.broadcast_to(push, (len(path.windows), path.windows.steps, 6))
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,9 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
-from auv_torchrl.diagnosis.unanswered.leave_out import without
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
-from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by
+from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by, without
 from auv_torchrl.diagnosis.unanswered.wording import in_words, named, tell, tell_other_source
 from auv_torchrl.diagnosis.verdict import (
     OTHERS,
