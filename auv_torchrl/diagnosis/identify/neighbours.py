@@ -68,22 +68,10 @@ class Neighbourhood:
         problem, mine = self.problem, set(self.best.explanation.effects)
         if len(mine) >= problem.settings.most_effects:
             return []
-        fields = [] if mine else [(self.field, self.follow)]
-        if mine and self.best.path.state.slope.size:  # that of a fit which was set aside has none
-            fields = [(Field.of(problem, self.best.path), self.best.path)]
+        fields = [(Field.of(problem, self.best.path), self.best.path)] if mine else [(self.field, self.follow)]
         if mine and leaves_much(problem, self.best):
             fields.append((Field.of(problem, self.follow, self.best.explanation), self.follow))
-        promised: dict[Key, Proposal[Neighbour]] = {}
-        for field, path in fields:
-            here = field.none().evidence
-            for one in field.families():
-                what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
-                how = f"with {_words(added)}" if added else "with more values of what is there"
-                proposal = self._proposal(what, one.evidence - here, one.chi2, how)
-                if self.is_known(proposal):
-                    continue
-                if what.key not in promised or promise(proposal) > promise(promised[what.key]):
-                    promised[what.key] = proposal
+        promised = self._promised(fields)
         for proposal in self._plugged(fields[-1][0]):
             if not self.is_known(proposal):
                 promised[proposal.what.key] = proposal
@@ -95,6 +83,27 @@ class Neighbourhood:
         chosen = [one.what.key for one in likely[:SIMULATED]]
         rest = [self._left_out(one) for one in ranked if one.what.key not in chosen]
         return [*likely[:SIMULATED], *rest]
+
+    def along(self) -> list[Proposal[Neighbour]]:
+        """With one effect more, as promised about the measured motion alone; of a fit whose slopes were let go, too."""
+        field = Field.of(self.problem, self.follow, self.best.explanation)
+        ranked = sorted(self._promised([(field, self.follow)]).values(), key=promise, reverse=True)
+        return [one for one in ranked if promise(one) > max(self.here, self.unknown) - self.doubt]
+
+    def _promised(self, fields: Sequence[tuple[Field, WindowPath]]) -> dict[Key, Proposal[Neighbour]]:
+        """What the candidates of each field promise, where no fit of them promised more before."""
+        mine, promised = set(self.best.explanation.effects), dict[Key, Proposal[Neighbour]]()
+        for field, path in fields:
+            here = field.none().evidence
+            for one in field.families():
+                what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
+                how = f"with {_words(added)}" if added else "with more values of what is there"
+                proposal = self._proposal(what, one.evidence - here, one.chi2, how)
+                if self.is_known(proposal):
+                    continue
+                if what.key not in promised or promise(proposal) > promise(promised[what.key]):
+                    promised[what.key] = proposal
+        return promised
 
     def _left_out(self, one: Proposal[Neighbour]) -> Proposal[Neighbour]:
         """A proposal that is not simulated, and whether it is for the sake of something unknown."""

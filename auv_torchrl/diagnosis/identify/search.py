@@ -160,7 +160,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
             self.exchange(best, fitted := rescued(self._problem, fitted, self._follow))
             outdone = any(record.outcome is Outcome.OUTDONE for record in self.records)
             best = self.settle(fitted) if outdone else self.climb(self.settle(fitted))
-        if further and leaves_much(self._problem, best):
+        if further and best.explanation.effects and leaves_much(self._problem, best):
             best = self._begun_elsewhere(best)
         best = self._without_small(self._named_plainly(best))
         nothing = [one for one in self.fits if not one.explanation.effects]
@@ -181,7 +181,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
         here, pairs = self.posterior(best), []
         for one in ranked[1:]:
             if each[one.explanation.effects] is one and one.explanation.effects != ranked[0].explanation.effects:
-                likely = [pair for pair in self._around(one, here).larger() if pair.simulate][:1]
+                likely = self._around(one, here).along()[:1]
                 pairs += [(self.fit(pair, best), pair) for pair in likely]
         winner = max((one for one, _ in pairs if not self.is_small(one)), key=self.posterior, default=best)
         is_better = self.posterior(winner) > here
