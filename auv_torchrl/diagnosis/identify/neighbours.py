@@ -87,8 +87,7 @@ class Neighbourhood:
     def along(self) -> list[Proposal[Neighbour]]:
         """With one effect more, as promised about the measured motion alone; of a fit whose slopes were let go, too."""
         field = Field.of(self.problem, self.follow, self.best.explanation)
-        ranked = sorted(self._promised([(field, self.follow)]).values(), key=promise, reverse=True)
-        return [one for one in ranked if promise(one) > max(self.here, self.unknown) - self.doubt]
+        return sorted(self._promised([(field, self.follow)]).values(), key=promise, reverse=True)
 
     def _promised(self, fields: Sequence[tuple[Field, WindowPath]]) -> dict[Key, Proposal[Neighbour]]:
         """What the candidates of each field promise, where no fit of them promised more before."""

@@ -171,22 +171,20 @@ class _EffectSearch(Search[Neighbour, Fit]):
         return Found(self._problem, self._follow, none, best, fits, self._field, trace)
 
     def _begun_elsewhere(self, best: Fit) -> Fit:
-        """The best that is reached from another single effect than the climb began with.
+        """The best that is reached from another single effect than the climb began with, by its likeliest partner.
 
         What explains most alone need not be a part of the truth: of two faults, a third effect may imitate both.
         """
         alone = [one for one in self.fits if len(one.explanation.effects) == 1]
         ranked = sorted(alone, key=self.posterior, reverse=True)
         each = {one.explanation.effects: one for one in reversed(ranked)}  # the likeliest fit of each effect
-        here, pairs = self.posterior(best), []
-        for one in ranked[1:]:
-            if each[one.explanation.effects] is one and one.explanation.effects != ranked[0].explanation.effects:
-                likely = self._around(one, here).along()[:1]
-                pairs += [(self.fit(pair, best), pair) for pair in likely]
-        winner = max((one for one, _ in pairs if not self.is_small(one)), key=self.posterior, default=best)
+        here = self.posterior(best)
+        pairs = [self._around(one, here).along()[:1] for one in ranked[1:] if one is each[one.explanation.effects]]
+        fitted = [(self.fit(pair, best), pair.promised.proposed) for pair, *_ in filter(None, pairs)]
+        winner = max((one for one, _ in fitted if not self.is_small(one)), key=self.posterior, default=best)
         is_better = self.posterior(winner) > here
-        for one, pair in pairs:
-            self.note(one, pair.promised.proposed, Outcome.STEP if is_better and one is winner else Outcome.NO_GAIN)
+        for one, proposed in fitted:
+            self.note(one, proposed, Outcome.STEP if is_better and one is winner else Outcome.NO_GAIN)
         return self.climb(self.settle(winner)) if is_better else best
 
     def _around(self, best: Fit, here: float) -> Neighbourhood:
