@@ -115,12 +115,6 @@ def test_help_lists_no_schema():
     assert "\nagent: gradient, ppo, sac, td3\n" in said and "schema" not in said
 
 
-def test_help_of_a_command_without_a_text_of_its_own_is_its_file():
-    """The sealed benchmark explains its settings in comments, and ``--help`` shows these."""
-    code, said, _ = answers_of("benchmarks.blind.__main__", {"help": ["--help"]})["help"]
-    assert code == 0 and "make blind CASES=430" in said and "strangers: null" in said
-
-
 def test_a_used_output_folder_is_refused_and_left_as_it_is(train, tmp_path):
     """The message names what is in it and the way out."""
     (tmp_path / "results.json").write_text("mine")

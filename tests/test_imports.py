@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from importlib.util import find_spec
 
 import pytest
@@ -148,7 +149,7 @@ WITHOUT = """
 import json, sys
 from importlib import import_module
 
-names, missing, program, arguments = json.load(sys.stdin)
+missing, given = json.load(sys.stdin)
 
 
 class Missing:
@@ -158,44 +159,58 @@ class Missing:
 
 
 sys.meta_path.insert(0, Missing())
-for name in names:
-    import_module(name)
-if program:
-    sys.argv = [program, *arguments]
-    import_module(program).main()
+"""
+MISSED = """
+missed = {}
+for name in given:
+    try:
+        import_module(f"auv_torchrl.{name}")
+        missed[name] = ""
+    except ModuleNotFoundError as error:
+        missed[name] = str(error)
+print(json.dumps(missed))
+"""
+RUN = """
+sys.argv = given
+import_module(given[0]).main()
 print()
 print(json.dumps(sorted(sys.modules)))
 """
-CATCHING = """
-    import io
-    sys.stderr = io.StringIO()
-    try:
-        import_module(program).main()
-    except SystemExit as ended:
-        print()
-        print(json.dumps([ended.code, sys.stderr.getvalue()]))
-        sys.exit(0)
+REFUSED = """
+import io
+sys.argv, sys.stderr = given, io.StringIO()
+try:
+    import_module(given[0]).main()
+except SystemExit as ended:
+    print()
+    print(json.dumps([ended.code, sys.stderr.getvalue()]))
 """
+UNTRAINED = (
+    "monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.job", "link.job", "fly.job",
+    "diagnosis.calibrate.job", "flightlog.job", "sensors", "simulator", "authority", "scenario", "sysid",
+)  # fmt: skip
 OF_TRAINING = (
     "torch", "tensordict", "torchrl", "gymnasium", "mujoco", "dm_control", "rerun", "pandas", "pyarrow", "matplotlib",
     "tensorboard", "safetensors", "hydra",
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "module",
-    ["monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.job", "link.job", "fly.job",
-     "diagnosis.calibrate.job", "flightlog.job", "sensors", "simulator", "authority", "scenario", "sysid"],
-)  # fmt: skip
-def test_what_only_training_needs_need_not_be_installed(module):
+@pytest.fixture(scope="module")
+def missed():
+    """By module that is imported without what trains, what it misses; in one process, where nothing of that can be."""
+    return printed(WITHOUT + MISSED, [OF_TRAINING, UNTRAINED])
+
+
+@pytest.mark.parametrize("module", UNTRAINED)
+def test_what_only_training_needs_need_not_be_installed(missed, module):
     """Diagnosis, calibration, monitoring, logs and the physics behind ArduSub are imported without it."""
-    printed(WITHOUT, [[f"auv_torchrl.{module}"], OF_TRAINING, None, []])
+    assert missed[module] == ""
 
 
 def test_a_log_is_diagnosed_where_only_the_diagnosis_is_installed(tmp_path):
     """The verdict is there; the confirmation in MuJoCo and what other libraries write are left out."""
     given = [f"log={PROJECT / 'examples' / 'flight.csv'}", "vehicle=paper", f"output={tmp_path / 'out'}"]
-    modules = printed(WITHOUT, [[], OF_TRAINING, DIAGNOSE, given])
+    modules = printed(WITHOUT + RUN, [OF_TRAINING, [DIAGNOSE, *given]])
     assert "auv_torchrl.diagnosis.pipeline" in modules and not {*OF_TRAINING} & set(modules)
     found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert found["verdict"] == "explained" and found["gap"]["confirmed"] is None
@@ -206,9 +221,8 @@ def test_a_log_is_diagnosed_where_only_the_diagnosis_is_installed(tmp_path):
 @pytest.mark.parametrize("program", [TRAIN, EXPORT])
 def test_what_trains_says_how_to_get_what_it_needs(program, tmp_path):
     """In one line, where only the diagnosis is installed."""
-    code = WITHOUT.replace("import_module(program).main()", CATCHING)
     name = program.split(".")[1].replace("experiment", "train")
-    said = printed(code, [[], OF_TRAINING, program, [] if name == "train" else ["runs/mine"]])
+    said = printed(WITHOUT + REFUSED, [OF_TRAINING, [program] if name == "train" else [program, "runs/mine"]])
     assert said[0] == 2 and re.fullmatch(
         rf"{name}: auv-{name} needs \w+, .* pip install 'auv_torchrl\[train\]'\n", said[1]
     )
@@ -238,15 +252,18 @@ print(json.dumps(sorted(sys.modules)))
     assert "mujoco" in modules and not modules & {"glfw", "OpenGL"}
 
 
+@cache
 def imported_by(path):
     """Modules that a file imports, and those that it names in a string of its own, to import them late."""
+    found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module:
-            yield from (node.module, *(f"{node.module}.{name.name}" for name in node.names))
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
         elif isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
+            found |= {name.name for name in node.names}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value
+            found.add(node.value)
+    return found
 
 
 def test_nothing_but_the_physics_imports_its_kernel():
@@ -276,7 +293,7 @@ print(json.dumps(sys.stdout.getvalue()), file=out)
 def test_hydra_is_reached_by_its_public_names():
     """What stands behind them moves with its versions; the name of a logger is none of these."""
     files = [path for part in ("auv_torchrl", "benchmarks", "tests") for path in (PROJECT / part).rglob("*.py")]
-    code = {path: set(imported_by(path)) for path in files}
+    code = {path: imported_by(path) for path in files}
     assert any("hydra" in names for names in code.values())
     inside, logger = ".".join(("hydra", "_")), ".".join(("hydra", "_internal", "callbacks"))
     assert not [path for path, names in code.items() for name in names - {logger} if name.startswith(inside)]

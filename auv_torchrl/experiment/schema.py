@@ -3,10 +3,10 @@
 from dataclasses import MISSING as NO_DEFAULT
 from dataclasses import dataclass, field, fields, make_dataclass
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
-from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from auv_torchrl.adaptation.config import AdaptationConfig
@@ -17,7 +17,7 @@ from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
 from auv_torchrl.envs.make import BACKENDS
 from auv_torchrl.experiment.flight_config import FlightConfig
-from auv_torchrl.hydra_command.config_source import check_config_files, store_schema
+from auv_torchrl.hydra_command.config_source import check_config_files, store_once, store_schema
 from auv_torchrl.paths import ENDINGS, config_names, config_path
 from auv_torchrl.scenario import scenarios_of
 from auv_torchrl.settings import In, Seed
@@ -95,11 +95,16 @@ def is_calibrated(vehicle: str) -> bool:
 def register() -> None:
     """Make known to Hydra ``train_schema``, ``<name>_schema`` of each task and agent, and resolvers of files."""
     check_config_files()
-    ConfigStore.instance().store("train_schema", TrainSchema)
+    store_once("train_schema", TrainSchema)
     OmegaConf.register_new_resolver("randomization_of", randomization_of, replace=True)
     OmegaConf.register_new_resolver("scenarios_of", swept_scenarios, replace=True)
     for group, registry in (("task", TASKS), ("agent", AGENTS)):
         for name, kind in registry.items():
-            given: list[Any] = [("name", str, field(default=name))]
-            named = make_dataclass(f"{kind.__name__}Named", given, bases=(schema_of(kind),))
-            store_schema(named, group, name)
+            store_schema(_named(kind, name), group, name)
+
+
+@cache
+def _named(kind: type, name: str) -> type:
+    """The schema of a task or an agent, with the name by which it is chosen."""
+    given: list[Any] = [("name", str, field(default=name))]
+    return make_dataclass(f"{kind.__name__}Named", given, bases=(schema_of(kind),))

@@ -1,6 +1,9 @@
 """Where Hydra's configuration comes from: files, each checked before it is loaded, one's own too, and schemas."""
 
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
@@ -8,7 +11,7 @@ from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from auv_torchrl.paths import ENDINGS, OWN, PLAIN, SCHEMA, own_folder
 from auv_torchrl.yaml_file import YamlFileError, read_yaml
@@ -19,7 +22,23 @@ _SCHEMAS = "schema"  # before the group of a schema in Hydra's store, so that no
 
 def store_schema(schema: type, group: str, name: str) -> None:
     """Let files of a group name a schema in their defaults, as ``<name>_schema``; nobody chooses one."""
-    ConfigStore.instance().store(name, schema, group=f"{_SCHEMAS}/{group}")
+    store_once(name, schema, f"{_SCHEMAS}/{group}")
+
+
+def store_once(name: str, schema: type, group: str = "") -> None:
+    """Put a schema into Hydra's store, unless it is there: a command asks for the same ones several times."""
+    store = ConfigStore.instance()
+    there: Any = store.repo
+    for part in filter(None, group.split("/")):
+        there = there.get(part, {})
+    stored = there.get(f"{name}.yaml")
+    if stored is None or OmegaConf.get_type(stored.node) is not schema:
+        store.store(name, schema, group=group or None)
+
+
+@lru_cache(64)  # Hydra composes three times in a command, and Python parses a file for 10 ms each time
+def _created(text: str) -> DictConfig | ListConfig:
+    return OmegaConf.create(text)
 
 
 class CheckedFiles(ConfigSource):
@@ -41,7 +60,7 @@ class CheckedFiles(ConfigSource):
         self._check(config_path)
         text = self._path(config_path).read_text(encoding="utf-8-sig")
         header = self._get_header_dict(text[:_HEADER])
-        return ConfigResult(self.provider, self.full_path(), OmegaConf.create(text), header)
+        return ConfigResult(self.provider, self.full_path(), deepcopy(_created(text)), header)
 
     def is_config(self, config_path: str) -> bool:
         """Whether there is such a file; a folder of that name is an error, not an unknown name."""

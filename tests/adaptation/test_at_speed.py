@@ -26,7 +26,7 @@ from auv_torchrl.yaml_file import read_yaml
 from tests.helmsmen import helmsman_of_torpedo, helmsman_of_vessel
 
 REMUS, OTTER, FERRY = load_vehicle("remus100"), load_vehicle("otter"), load_vehicle("milliampere")
-AT_S, LENGTH_S, COUNT = 6.0, 24.0, 4
+AT_S, LENGTH_S, COUNT = 6.0, 20.0, 3
 
 
 def test_one_step_is_that_of_the_plain_physics():

@@ -74,9 +74,9 @@ def test_no_sequence_of_bad_input_gives_a_bad_command(sensed, events, seed):
 
 
 def test_no_random_hostile_steps_give_a_bad_command(pytestconfig):
-    """1000 steps of 100 vehicles, one bad event after another; a million steps with --hostile 1000."""
+    """400 steps of 30 vehicles, one bad event after another; a million steps with --hostile 2500."""
     abuse = Abuse(pytestconfig.getoption("hostile"), 1)
-    for what in abuse.rng.choice(HOSTILE, 1000):
+    for what in abuse.rng.choice(HOSTILE, 400):
         abuse.step(what)
 
 

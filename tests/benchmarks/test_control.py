@@ -38,7 +38,7 @@ def bench(tmp_path_factory):
     """The swap, flown by a PID instead of a trained policy, for little longer than until errors count."""
     pilot = SourcePolicy(cast(Any, PID(StationKeeping())), {"hash": "pid"})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(methods, "StationKeeping", partial(StationKeeping, episode_s=13.0))
+        patch.setattr(methods, "StationKeeping", partial(StationKeeping, episode_s=11.0))
         yield Bench(VEHICLE, shipped_scenario("swap", VEHICLE), tmp_path_factory.mktemp("policies"), 2, pilot)
 
 

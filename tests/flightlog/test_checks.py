@@ -114,6 +114,7 @@ LOGGED = {"full": FULL, "pose": POSE_ONLY, "velocity": VELOCITIES, "felt": FELT}
 LONG = {
     ("paper", "full"),
     ("paper", "pose"),
+    ("paper", "velocity"),
     *(("bluerov2_heavy", what) for what in LOGGED if what != "velocity"),
 }  # to read
 

@@ -155,7 +155,15 @@ def test_sample_numbers_as_time_are_found_out(flown, tmp_path, axes, every):
     assert not {"degrees", "wrong_frame", "pose_velocity_disagree", "z_up"} & set(findings)
 
 
-@pytest.mark.parametrize("axes", [POSE_ONLY, (*POSE_ONLY, "u", "v", "w", "r"), ("u", "v", "w", "r")], ids=str)
+@pytest.mark.parametrize(
+    "axes",
+    [
+        pytest.param(POSE_ONLY, marks=pytest.mark.thorough),
+        (*POSE_ONLY, "u", "v", "w", "r"),
+        pytest.param(("u", "v", "w", "r"), marks=pytest.mark.thorough),
+    ],
+    ids=str,
+)
 def test_a_true_log_at_one_hertz_is_no_error(tmp_path, axes):
     """Its seconds are told from sample numbers, or said to be open."""
     changes = [{}, {"thruster_gain": {f"gain_{i}": 0.2 for i in range(1, 7)}}, {"thruster_gain": {"gain_1": -1.0}}]

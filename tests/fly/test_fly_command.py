@@ -121,7 +121,7 @@ def is_as_found(vehicle):
     return not vehicle.armed and vehicle.mode == STABILIZE and neutral
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("signum", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.thorough)])
 def test_a_signal_ends_the_flight_and_leaves_the_vehicle_as_it_was(begun, served, tmp_path, signum):
     """And says so; what was flown is kept."""
     time.sleep(1.0)  # so that there is a flight to keep

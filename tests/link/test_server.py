@@ -57,7 +57,7 @@ def lockstep(plant):
 
 def test_a_flight_is_the_same_whatever_is_lost_on_the_way(plant):
     """A fifth of all answers lost, garbage between them and a restart: the numbers of an undisturbed flight."""
-    pwm = np.random.default_rng(0).integers(1100, 1900, (150, 16)).tolist()
+    pwm = np.random.default_rng(0).integers(1100, 1900, (80, 16)).tolist()
 
     def fly(address, disturbed):
         lines = []
@@ -76,8 +76,8 @@ def test_a_flight_is_the_same_whatever_is_lost_on_the_way(plant):
         expected = fly(address, False)
     with serving(disturbed, iter(lambda: draws.random() < 0.2, None)) as address:
         assert fly(address, True) == expected
-    assert expected[:150] == expected[150:]
-    assert disturbed.counts["frame"] == 300 and disturbed.counts["repeated"] > 20
+    assert expected[:80] == expected[80:]
+    assert disturbed.counts["frame"] == 160 and disturbed.counts["repeated"] > 20
     assert disturbed.counts["garbage"] > 20 and disturbed.counts["restart"] == 1
 
 

@@ -45,7 +45,7 @@ def begun(tmp_path):
         process.communicate()
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("signum", [pytest.param(signal.SIGINT, marks=pytest.mark.thorough), signal.SIGTERM])
 def test_a_flight_is_saved_when_it_is_ended(begun, tmp_path, vehicle, signum):
     """By Ctrl-C or SIGTERM; with exit code 0, for there is no other end; and the folder is not used again."""
     process, address = begun("+scenario=payload", "output=out")

@@ -6,6 +6,7 @@ In dark, on 400 px, by keys alone, and without script.
 """
 
 import re
+from base64 import b64encode
 
 import pytest
 
@@ -83,13 +84,15 @@ def drop_all(page, files):
     page.evaluate(
         """(files) => {
           const held = new DataTransfer();
-          for (const [name, content] of files) held.items.add(new File([Uint8Array.from(content)], name));
+          for (const [name, content] of files) {
+            held.items.add(new File([Uint8Array.from(atob(content), (sign) => sign.charCodeAt(0))], name));
+          }
           for (const kind of ["dragover", "drop"]) {
             document.getElementById("drop").dispatchEvent(
               new DragEvent(kind, { dataTransfer: held, bubbles: true, cancelable: true }));
           }
         }""",
-        [[name, list(content)] for name, content in files.items()],
+        [[name, b64encode(content).decode()] for name, content in files.items()],  # a list takes a second for each
     )
     rows = [page.locator("#dives tr", has_text=name) for name in files]
     for row in rows:
@@ -222,7 +225,7 @@ def test_two_dives_are_compared_and_curves_are_looked_at_closer_by_keys(tab):
     tab.get_by_role("button", name="Compare two dives").click()
     tab.wait_for_selector(".overview canvas")
     titles = tab.locator(".overview .u-title").all_inner_texts()
-    assert titles[:2] == ["Depth, m (left.csv)", "Depth, m (right.csv)"]
+    assert set(titles[:2]) == {"Depth, m (left.csv)", "Depth, m (right.csv)"}  # they came in the same second
     tab.locator(".overview button", has_text="Closer").focus()
     with tab.expect_response(re.compile("begin=")):
         tab.keyboard.press("Enter")

@@ -28,7 +28,7 @@ from auv_torchrl.vehicle_tensors import tensors
 
 VEHICLES = config_names("vehicle")
 seeds = st.integers(0, 2**31 - 1)
-by_seed = settings(max_examples=8, deadline=None)
+by_seed = settings(max_examples=4, deadline=None)
 
 
 def random_state(vehicle, count, seed, speed=2.0, tilt=math.pi):
