@@ -71,6 +71,8 @@ sweep: $(TRAIN) ## all scenarios x seeds, one table and one picture
 
 # The check of types keeps one core busy for a minute or two: `make -j 2 test` tests beside it.
 test: check suite ## lint, types and tests: JOBS=2
+# Arrays are small: a second thread of BLAS only waits, on a core that another process tests on.
+suite test-all: export OMP_NUM_THREADS := 1
 suite: $(READY)
 	$(BIN)/python -m pytest -m "not thorough" --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder
 

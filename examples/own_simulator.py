@@ -69,7 +69,7 @@ class Arm(sysid.StepModel):
         return seen
 
 
-def flown(arm: Arm, truth: dict[str, float], seconds: float = 10.0, seed: int = 0) -> sysid.LogRecord:
+def flown(arm: Arm, truth: dict[str, float], seconds: float = 6.0, seed: int = 0) -> sysid.LogRecord:
     """What an arm of other values logs under random torques, with the noise of its sensors."""
     draw, steps = np.random.default_rng(seed), round(seconds / arm.dt)
     torque = np.repeat(draw.normal(size=(steps // 15, 2)) * (3.0, 1.0), 15, axis=0)
