@@ -7,6 +7,7 @@ guess, no sound dive is given, and each log is diagnosed by itself; then all of 
 
 import argparse
 import lzma
+import re
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -31,6 +32,7 @@ from benchmarks.real.rov2016 import POINTS, Pointed
 FOLDER, VEHICLE = "orca_bluerov2", "bluerov2"
 LIKELY = POINTS  # probability from which a cause is an alarm
 DIVES_PER_FALSE_ALARM = 1000.0  # as ``auv-diagnose`` has it
+DEAD = re.compile(r"thruster (\d+) (?:gives nothing|pushes .*, whatever is commanded)")  # of what is said of one
 MOST_S = 60.0  # of the processor for one dive
 
 
@@ -89,10 +91,22 @@ def unpacked(data: Path, labels: Iterable[str]) -> Iterator[tuple[Path, ...]]:
 def alarms_of(found: Diagnosis, doubt: str = "") -> tuple[str, ...]:
     """The faults that a diagnosis tells of, and doubts about the log that neither notes nor parameters bear."""
     faults = [e.name for e in found.effects if e.probability >= LIKELY and not e.calibrates]
-    told = found.verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)  # else nothing is said of where
-    unlike = does_otherwise(found.where) if told else ""
+    unlike = told_of_one(found)
     unborne = [f.code for f in doubts(found.findings) if not (doubt and doubt in f.sentence)]
     return (*faults, *([unlike] if unlike else []), *unborne)
+
+
+def told_of_one(found: Diagnosis) -> str:
+    """What a diagnosis says of one thruster that does what no known effect does; else nothing."""
+    told = found.verdict in (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)  # else nothing is said of where
+    return does_otherwise(found.where) if told else ""
+
+
+def dead_of(found: Diagnosis) -> tuple[str, ...]:
+    """The thrusters that a diagnosis calls dead: by their gain, or as one that no command moves."""
+    dead = [f"{number} ({share:.2f} of the others)" for number, share in Pointed.of(found).dead.items()]
+    unmoved = DEAD.fullmatch(told_of_one(found))
+    return (*dead, *([f"{unmoved[1]} (no command moves it)"] if unmoved else []))
 
 
 def measure(data: Path, label: str) -> Mapping[str, Any]:
@@ -110,12 +124,10 @@ def _diagnose(data: Path, label: str) -> Mapping[str, Any]:
         except FlightLogError as refusal:
             right = not held.is_dive and "holds no dive" in str(refusal)
             return _row(label, held.holds, "refused", str(refusal), (), (), right, begin)
-    pointed = Pointed.of(found)
-    dead = tuple(f"{number} ({share:.2f} of the others)" for number, share in pointed.dead.items())
-    alarms = alarms_of(found, held.doubt)
+    dead, alarms = dead_of(found), alarms_of(found, held.doubt)
     silent = any(finding.code == "nothing_moves" for finding in found.findings)
     right = not dead and not alarms and silent is not held.is_dive
-    return _row(label, held.holds, pointed.verdict, pointed.headline, dead, alarms, right, begin)
+    return _row(label, held.holds, found.verdict.key, found.headline, dead, alarms, right, begin)
 
 
 def _follow(data: Path) -> Mapping[str, Any]:

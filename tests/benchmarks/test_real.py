@@ -12,6 +12,7 @@ import pytest
 
 from auv_torchrl.diagnosis import Verdict
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
+from auv_torchrl.diagnosis.verdict import Slice, ThrustMap
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity
 from auv_torchrl.flightlog.log import AXES, Episode
@@ -266,6 +267,16 @@ def test_an_alarm_is_what_names_a_fault_that_nothing_bears(effects, where, verdi
     findings = findings if verdict is Verdict.UNEXPLAINED and not where else ()
     found: Any = SimpleNamespace(effects=effects, where=located, verdict=verdict, findings=findings)
     assert orca.alarms_of(found, doubt) == alarms
+
+
+@pytest.mark.parametrize(("share", "at_rest", "dead"), [(0.0, -0.07, 1), (0.0, 0.0, 1), (1.0, -0.07, 0), (0.6, 0.0, 0)])
+def test_a_thruster_that_answers_no_command_is_called_dead(share, at_rest, dead):
+    """Whether it pushes all the time or never; not one that pushes at rest, or is weak."""
+    slices = tuple(Slice(0.1 * k, 0.1 * k + 0.1, share, share - 0.05, share + 0.05) for k in range(1, 4))
+    measured = ThrustMap(1, slices, at_rest, at_rest - 0.01, at_rest + 0.01)
+    where = SimpleNamespace(thruster={1: 1.0}, intermittence=None, thrust_map=measured)
+    found: Any = SimpleNamespace(effects=(), where=where, verdict=Verdict.PARTLY_EXPLAINED, headline="", findings=())
+    assert len(orca.dead_of(found)) == dead and len(orca.alarms_of(found)) == 1
 
 
 def test_logs_without_a_dive_are_refused_and_a_missing_one_is_named(tmp_path, monkeypatch):
