@@ -98,6 +98,8 @@ SECTIONS = {
         _real("ardusub_vectored", _LOGS),
         _real("haizhe", _ALIKE, QUICK),
         _real("rov2016", _LOGS),
+        _real("orca", (*_LOGS, "auv_torchrl/monitoring")),
+        _real("saab", _LOGS),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),

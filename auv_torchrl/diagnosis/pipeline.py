@@ -84,7 +84,12 @@ def diagnose(
             answering, unseen, given, lambda step, share: report(step, begin + (end - begin) * share), vehicle_name
         )
 
-    found = weigh_readings(log, vehicle, settings, given.is_guess, once)
+    def unsearched() -> tuple[Diagnosis, Found]:
+        bare = replace(given, uncertainty=(), settings=replace(settings, most_effects=0))
+        unseen = [restricted(unseen_log, log.axes) for unseen_log in test]
+        return diagnose_answering(log, unseen, bare, report, vehicle_name)
+
+    found = weigh_readings(log, vehicle, settings, given.is_guess, once, unsearched)
     report("done", 1.0)
     return replace(found, headline=headline_of(found), overview=Overview.of(log))
 

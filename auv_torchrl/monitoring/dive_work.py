@@ -20,10 +20,14 @@ from auv_torchrl import __version__
 from auv_torchrl.diagnosis.axes import followable
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.lengths import is_idle
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.plain import from_plain, plain
+from auv_torchrl.diagnosis.unanswered.stillness import hardly_moves
+from auv_torchrl.diagnosis.unanswered.wording import tell_held
 from auv_torchrl.files import say_not_kept, write_text, write_whole
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity, read_flightlog
+from auv_torchrl.flightlog.streams.configuration import SET_IN_FLIGHT
 from auv_torchrl.flightlog.streams.stream import ReadOptions
 from auv_torchrl.monitoring.dive_history import DiveDiagnosis
 from auv_torchrl.monitoring.dive_record import Baseline, Dive, Reference, follow_dive, learn_reference
@@ -131,7 +135,12 @@ class Work:
         errors = [str(finding) for finding in flight.findings if finding.severity is Severity.ERROR]
         if errors and not self.trust_log:
             raise FlightLogError(f"{flight.name}: {' '.join(errors)}")
-        cut_windows(followable(flight), self.settings.window_s, self.settings.lead_s, self.settings.bin_s)
+        if is_idle(flight):
+            raise FlightLogError(f"{flight.name} holds no dive: no thruster turns in it")
+        followed = followable(flight)
+        cut_windows(followed, self.settings.window_s, self.settings.lead_s, self.settings.bin_s)
+        if (share := hardly_moves(followed, self.vehicle, self.settings)) is not None:
+            raise FlightLogError(f"{flight.name} holds no dive: {tell_held(share, followed.axes).sentence}")
         return flight
 
     def read_reference(self, plan: DivePlan, but: Path | None = None) -> tuple[list[FlightLog], list[str]]:
@@ -139,9 +148,14 @@ class Work:
         logs, refusals = [], []
         for path in plan.paths[: plan.reference]:
             try:
-                logs += [] if path == but else [self.read(path)]
+                log = self.read(path)
             except FlightLogError as error:
                 refusals.append(str(error))
+                continue
+            if changed := [finding.sentence for finding in log.findings if finding.code == SET_IN_FLIGHT]:
+                refusals.append(f"{log.name} is no reference: {'; '.join(changed)}")
+            elif path != but:
+                logs.append(log)
         return logs, refusals
 
     def key(self, plan: DivePlan, *files: Path) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from benchmarks.real import ardusub, bluerov2, haizhe, rov2016
+from benchmarks.real import ardusub, bluerov2, haizhe, orca, rov2016, saab
 
 Result = Mapping[str, Any]  # of one measurement, of plain types
 
@@ -189,6 +189,55 @@ SECTIONS: Sequence[Section] = (
         rov2016.missing,
         rov2016.measure,
         rov2016.table,
+    ),
+    Section(
+        "orca",
+        "orca",
+        "orca",
+        (
+            "Five of the logs of one developer's BlueROV2 with six thrusters near Seattle, 2023 "
+            "(github.com/clydemcqueen/orca4_1_tests, commit 2b9eadd6; the repository states no licence, so the logs "
+            "are evaluated here and not redistributed): attitude, rates, accelerations, depth and outputs, no "
+            "position and no speed. Three of the five hold no dive. Each log is diagnosed by itself, without a sound "
+            "dive; the file is the published one (`vehicle=bluerov2`), a guess. Nobody measured this vehicle, and "
+            "nobody knows its coefficients, its ballast on a day, or whether weed sat in a propeller; that the owner "
+            "notes no fault is all that is known, and no figures are published. *Right*: a log without a dive is "
+            "refused as such in one line, or said not to move; of a dive no thruster is called dead and no alarm is "
+            "raised that neither notes nor parameters bear; that no cause is found is no error. *Called dead*: with a "
+            "probability of one half or more, less than 0.3 of what the others give, or said to answer no command. On "
+            "2023-10-18 the firmware's own test sets MOT_1, 2 and 4_DIRECTION to -1 in flight. The last row follows "
+            "all logs as dives, with the first four as the reference; the default of three holds no dive at all. "
+            "*Found* is what the answer names, be it as the reason of a refusal: with one dive in twelve months that "
+            "can be used behind it, monitoring itself is not tried."
+        ),
+        "python -m benchmarks.real.orca",
+        orca.LABELS,
+        frozenset((label,) for label in orca.LABELS),
+        orca.missing,
+        orca.measure,
+        orca.table,
+    ),
+    Section(
+        "saab",
+        "saab",
+        "saab",
+        (
+            "A ROS 2 bag of a BlueROV2 Heavy in a tank with motion capture (SMaRC and Saab, 2025; "
+            "github.com/SAABmarine-MEX/saabmarineMEX_learning, commit dda3f3d3; it states no licence, so the bag is "
+            "evaluated here and not redistributed). Nothing moves, and its owners call it a trash bag. The bag "
+            "carries no definitions of its messages, and holds odometry of another vehicle in the same tank, which "
+            "comes 20 times as often as that of this one. *Right*: it is read, from this vehicle's topics, that "
+            "nothing moves or no thruster turns is said first, and no fault is named. The bag lacks the parameters of "
+            "the autopilot, which the program asks for: given are those of the frame as it is delivered. Nobody knows "
+            "the directions of its motors, nor why it was armed; what the bag cannot show is whether a moving vehicle "
+            "is diagnosed right."
+        ),
+        "python -m benchmarks.real.saab",
+        (saab.RUN,),
+        frozenset([(saab.RUN,)]),
+        saab.missing,
+        saab.measure,
+        saab.table,
     ),
     Section(
         "haizhe",

@@ -2,15 +2,19 @@
 
 import lzma
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from auv_torchrl.diagnosis import Verdict
 from auv_torchrl.diagnosis.identify.hypotheses import batch, load_settings
+from auv_torchrl.diagnosis.verdict import Slice, ThrustMap
 from auv_torchrl.effects import EFFECTS
-from auv_torchrl.flightlog import FlightLog
+from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity
 from auv_torchrl.flightlog.log import AXES, Episode
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.physics.step import rest_state
@@ -19,8 +23,9 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.published import SECTIONS as TABLES
 from benchmarks.published import problems
 from benchmarks.real import __main__ as page
-from benchmarks.real import altered, ardusub, haizhe, rov2016
+from benchmarks.real import altered, ardusub, haizhe, orca, rov2016, saab
 from benchmarks.real.page import SECTIONS
+from tests.flightlog.shared_data import shared
 
 RUNS, ROWS = 40, 120
 FLOWN = {haizhe.NORMAL: {}, haizhe.LOAD: {"buoyancy": {"force": 3.0}}, haizhe.DEPTH: {"depth_bias": {"offset": 0.2}}}
@@ -235,3 +240,84 @@ def test_a_run_of_2016_is_read_as_its_mapping_says(tmp_path):
 def test_a_run_is_right_that_calls_no_sound_thruster_dead(pointed, broken, right):
     """With a broken propeller it must point at that one, too."""
     assert pointed.is_right(broken) is right
+
+
+def named(effect, probability=0.9, calibrates=False):
+    """An effect that a diagnosis tells of."""
+    return SimpleNamespace(name=effect, probability=probability, calibrates=calibrates)
+
+
+@pytest.mark.parametrize(
+    ("effects", "where", "verdict", "doubt", "alarms"),
+    [
+        ((), {}, Verdict.CANNOT_TELL, "", ()),
+        ((named("hull", calibrates=True),), {}, Verdict.PARTLY_EXPLAINED, "", ()),
+        ((named("thruster_gain"),), {}, Verdict.EXPLAINED, "", ("thruster_gain",)),
+        ((named("thruster_gain", 0.3),), {}, Verdict.EXPLAINED, "", ()),
+        ((), {3: 1.0}, Verdict.UNEXPLAINED, "", ("thruster 3 pushes otherwise than commanded",)),
+        ((), {3: 1.0}, Verdict.CANNOT_TELL, "", ()),
+        ((), {}, Verdict.UNEXPLAINED, "unit", ("clock",)),
+        ((), {}, Verdict.UNEXPLAINED, "clock", ()),
+    ],
+)
+def test_an_alarm_is_what_names_a_fault_that_nothing_bears(effects, where, verdict, doubt, alarms):
+    """Neither a file that is corrected, nor what is less likely than not, nor a doubt that the parameters bear."""
+    located = SimpleNamespace(thruster=where, intermittence=None, thrust_map=None)
+    findings = (Finding(Severity.WARNING, "clock", "the clock may be off", limits=True),)
+    findings = findings if verdict is Verdict.UNEXPLAINED and not where else ()
+    found: Any = SimpleNamespace(effects=effects, where=located, verdict=verdict, findings=findings)
+    assert orca.alarms_of(found, doubt) == alarms
+
+
+@pytest.mark.parametrize(("share", "at_rest", "dead"), [(0.0, -0.07, 1), (0.0, 0.0, 1), (1.0, -0.07, 0), (0.6, 0.0, 0)])
+def test_a_thruster_that_answers_no_command_is_called_dead(share, at_rest, dead):
+    """Whether it pushes all the time or never; not one that pushes at rest, or is weak."""
+    slices = tuple(Slice(0.1 * k, 0.1 * k + 0.1, share, share - 0.05, share + 0.05) for k in range(1, 4))
+    measured = ThrustMap(1, slices, at_rest, at_rest - 0.01, at_rest + 0.01)
+    where = SimpleNamespace(thruster={1: 1.0}, intermittence=None, thrust_map=measured)
+    found: Any = SimpleNamespace(effects=(), where=where, verdict=Verdict.PARTLY_EXPLAINED, headline="", findings=())
+    assert len(orca.dead_of(found)) == dead and len(orca.alarms_of(found)) == 1
+
+
+def test_logs_without_a_dive_are_refused_and_a_missing_one_is_named(tmp_path, monkeypatch):
+    """What is refused as no dive is right where there is none, and wrong of a dive; the folder is unpacked and gone."""
+    assert "orca_bluerov2" in orca.missing(tmp_path, "2023-05-20") and "small.BIN" in orca.missing(tmp_path, orca.ALL)
+    for held in orca.LOGS.values():
+        (tmp_path / held.file).parent.mkdir(exist_ok=True)
+        (tmp_path / held.file).write_bytes(lzma.compress(b"a log") if held.file.endswith(".xz") else b"a log")
+    seen = []
+
+    def refuse(path, vehicle):
+        seen.append((path, path.read_bytes()))
+        raise FlightLogError(f"{path.name} holds no dive: no thruster turns in it")
+
+    monkeypatch.setattr(orca, "read_flightlog", refuse)
+    rows = [orca.measure(tmp_path, label)["row"] for label in orca.LOGS]
+    assert [row[-2] for row in rows] == ["yes", "yes", "yes", "no", "no"]
+    assert all(content == b"a log" and not path.exists() for path, content in seen)
+    *_, told = orca.table({"row": row} for row in rows)
+    assert told.startswith("3 of 5 right. In 0 of 5 logs a thruster is called dead")
+
+
+@pytest.mark.parametrize(
+    ("position", "said", "named", "right"),
+    [
+        ("/mavros/global_position/local", "a holds no dive: no thruster turns in it", (), True),
+        ("/mavros/global_position/local", "The vehicle does not move at all, whatever is commanded.", (), True),
+        ("/mavros/global_position/local", "The file may be off.", (), False),
+        ("/mavros/global_position/local", "The vehicle does not move at all.", ("thruster_gain",), False),
+        ("/mocap/sam_mocap/odom", "a holds no dive: no thruster turns in it", (), False),
+        ("", "a holds no dive: no thruster turns in it", (), False),
+    ],
+)
+def test_a_bag_in_which_nothing_moves_is_right_by_what_is_read_and_said(position, said, named, right):
+    """Of this vehicle, that nothing moves, and no fault."""
+    sources = {"outputs": "/mavros/rc/out", "position": position, "gyro": "/mavros/imu/data"}
+    assert saab.is_right(sources, said, named) is right
+
+
+def test_the_bag_of_the_tank_is_read_and_told_right():
+    """As its owners recorded it."""
+    metadata = shared(f"{saab.FOLDER}/{saab.RUN}/metadata.yaml.xz")
+    row = saab.measure(metadata.parents[2], saab.RUN)["row"]
+    assert row[-2] == "yes" and row[2] == "/mavros/global_position/local"

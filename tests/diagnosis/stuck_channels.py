@@ -28,3 +28,16 @@ def stuck(
             values[still, column] = values[np.argmax(still), column] + noise
         episodes.append(replace(episode, pose=pose, velocity=velocity))
     return replace(log, episodes=tuple(episodes))
+
+
+def rocked(log, seed=3):
+    """The log of a vehicle on a boat: what its commands were, and a slow rocking with noise in place of its motion."""
+    rng, episodes = np.random.default_rng(seed), []
+    for episode in log.episodes:
+        t, pose = episode.t, np.full_like(episode.pose, np.nan)
+        velocity = np.full_like(episode.velocity, np.nan)
+        for column, (size, noise, hz) in {0: (0.01, 0.001, 0.31), 1: (0.01, 0.001, 0.27), 2: (0.005, 0.001, 0.33),
+                                          5: (0.01, 0.001, 0.28)}.items():  # fmt: skip
+            pose[:, column] = size * np.sin(2 * np.pi * hz * t + column) + noise * rng.standard_normal(len(t))
+        episodes.append(replace(episode, pose=pose, velocity=velocity))
+    return replace(log, episodes=tuple(episodes))

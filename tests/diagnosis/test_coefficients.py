@@ -13,6 +13,7 @@ from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.correction import (
+    PredictionGain,
     build_prior,
     correct_file,
     describe_differences,
@@ -20,11 +21,12 @@ from auv_torchrl.diagnosis.calibrate.correction import (
     simulate_steps,
     window_s,
 )
-from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit
+from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit, thin_out, used_channels
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty, read_uncertainty, shared_covariance
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
+from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.scenario_file import randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.validate.predict import cut_stretches, errors_along, predict
 from auv_torchrl.diagnosis.validate.veto import only, scaled_errors, worse
@@ -107,6 +109,16 @@ def test_their_intervals_hold_the_truth(calibrated):
     sentences = {effect.name: effect.sentence for effect in calibrated.effects}
     assert "weight in water is off" in sentences["buoyancy"]
     assert any("idle it sinks" in sentence for sentence in calibrated.sentences)
+
+
+def test_what_all_windows_gain_is_no_luck_beside_a_window_with_large_errors(flown):
+    """Each window is predicted three times as well, and one has twenty times the error of the others."""
+    windows = thin_out(cut_windows(flown, 3.0, SETTINGS.lead_s), 6)
+    size = np.array([1.0, 1.2, 0.9, 20.0, 1.1, 0.8])[:, None, None]
+    noise = np.random.default_rng(0).standard_normal((*windows.present.shape, len(used_channels(windows))))
+    before = 3.0 * size * noise
+    assert PredictionGain.of(windows, before, size * noise).is_worth_it
+    assert not PredictionGain.of(windows, before, before[::-1]).is_worth_it
 
 
 def test_coefficients_that_are_right_stand():

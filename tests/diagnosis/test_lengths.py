@@ -52,6 +52,14 @@ def test_what_is_too_short_is_said_with_the_settings_and_the_length_needed(lazy,
         diagnose(vehicle=PAPER, settings=replace(SETTINGS, **changes), **logs)
 
 
+def test_a_short_log_in_which_no_thruster_turns_is_no_dive(lazy):
+    """Armed for seconds with commands inside the dead band: that is said, and not which settings are too large."""
+    (episode,) = (log := flown(8.0)).episodes
+    idle = replace(log, episodes=(replace(episode, commands=0.03 * np.sign(episode.commands)),))
+    with pytest.raises(FlightLogError, match=r"holds no dive: no thruster turns in it.*12.6 s or more$"):
+        diagnose(idle, PAPER, settings=SETTINGS)
+
+
 def test_the_length_that_is_asked_for_is_enough(lazy):
     """No log as long as the message says is refused."""
     for log in (flown(12.7), flown(3.7, episodes=3)):

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.table import summary_table
 from auv_torchrl.diagnosis.unanswered.other_source import find_other_source
-from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves
 from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, read_flightlog, write_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.cases import Case
@@ -24,7 +26,7 @@ from benchmarks.blind.fly import fly as fly_cases
 from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.owners.acts import ACTS
 from tests.diagnosis.flown_logs import fly, hold
-from tests.diagnosis.stuck_channels import GROUPS, stuck
+from tests.diagnosis.stuck_channels import GROUPS, rocked, stuck
 from tests.flightlog.shared_data import shared
 
 SETTINGS = load_settings()
@@ -123,6 +125,33 @@ def test_a_vehicle_that_stands_on_deck_is_told_so():
     diagnosis = diagnose(log, paper)
     assert diagnosis.summary.startswith("The vehicle does not move at all, whatever is commanded: ")
     assert diagnosis.verdict is Verdict.CANNOT_TELL and not diagnosis.effects and diagnosis.gap.closed is None
+
+
+def test_a_vehicle_that_rocks_on_a_boat_while_its_thrusters_turn_does_not_move(monkeypatch):
+    """Though no channel stands still: no thruster is named, no file is corrected, and nothing is searched."""
+    vehicle = hold(load_vehicle("bluerov2"))
+    log = rocked(fly(vehicle, {}, seed=2, episodes=2, seconds=24.0))
+    assert not is_whole(find_stillness(log, vehicle, SETTINGS), log)
+    monkeypatch.setattr("auv_torchrl.diagnosis.explain.correct_file", None)
+    diagnosis = diagnose(log, vehicle, uncertainty=load_uncertainty("bluerov2", vehicle))
+    assert diagnosis.headline == "The vehicle does not move at all, whatever is commanded."
+    assert diagnosis.summary.startswith("The vehicle does not move with its commands (")
+    assert diagnosis.verdict is Verdict.CANNOT_TELL and not diagnosis.effects and diagnosis.next_experiment is None
+
+
+def is_whole(still, log):
+    """Whether every channel stands still all along."""
+    return set(log.axes) <= {entry.channel for entry in still if entry.episode is None}
+
+
+@pytest.mark.parametrize("fault", [{}, {"thruster_gain": {"gain_1": 0.0, "gain_2": 0.0, "gain_4": 0.0}},
+                                   {"thruster_gain": {"gain_3": -1.0}}])  # fmt: skip
+def test_a_vehicle_that_swims_is_not_taken_for_one_on_deck(fault):
+    """Nor with half of its thrusters dead, nor beside a file that is three times as strong."""
+    vehicle = hold(load_vehicle("bluerov2"))
+    log = fly(vehicle, fault, seed=1, episodes=2, seconds=24.0)
+    for file in (vehicle, changed(vehicle, gain=3 * vehicle.gain)):
+        assert hardly_moves(log, file, SETTINGS) is None
 
 
 @pytest.mark.thorough

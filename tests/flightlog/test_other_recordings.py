@@ -342,8 +342,58 @@ def test_a_bag_without_definitions_is_read():
     streams = streams_of(bag)
     said = {finding.code: finding.sentence for finding in streams.findings}
     assert {"outputs", "gyro", "position", "battery"} <= streams.streams.keys() and streams.armed
-    assert "sam_mocap" in streams.streams["position"].source and "topics of other types" in said["topics_left_out"]
+    assert streams.streams["position"].source == "/mavros/global_position/local", "sam_mocap is another vehicle"
+    assert "topics of other types" in said["topics_left_out"]
     assert streams.streams["attitude"].source == streams.streams["position"].source and "several_sources" in said
+
+
+def places_bag(path, others):
+    """A bag of ROS 1: outputs, IMU and odometry of a level vehicle, and odometry of another name, twice as often."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    from rosbags.rosbag1 import Writer
+
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    kinds = store.types
+    arrays, odometry, imu = "std_msgs/msg/Float64MultiArray", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
+    vector, zeros = kinds["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0), np.zeros(9)
+
+    def turned(roll, yaw):
+        cr, sr, cy, sy = np.cos(roll / 2), np.sin(roll / 2), np.cos(yaw / 2), np.sin(yaw / 2)
+        return kinds["geometry_msgs/msg/Quaternion"](w=cr * cy, x=sr * cy, y=sr * sy, z=cr * sy)
+
+    def message(kind, k, roll, yaw):
+        stamp = kinds["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+        header = kinds["std_msgs/msg/Header"](seq=k, stamp=stamp, frame_id="base_link" if kind == imu else "map")
+        if kind == arrays:
+            return kinds[kind](layout=kinds["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0), data=np.ones(6))
+        if kind == imu:
+            return kinds[kind](header, turned(roll, yaw), zeros, vector, zeros, vector, zeros)
+        place = kinds["geometry_msgs/msg/Pose"](
+            kinds["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=0.0), turned(roll, yaw)
+        )
+        twist = kinds["geometry_msgs/msg/Twist"](linear=vector, angular=vector)
+        both = kinds["geometry_msgs/msg/PoseWithCovariance"], kinds["geometry_msgs/msg/TwistWithCovariance"]
+        return kinds[kind](header, "base_link", both[0](place, np.zeros(36)), both[1](twist, np.zeros(36)))
+
+    with Writer(path) as out:
+        rows = [("/rov/thrusters", arrays, 10, (0, 0)), ("/rov/imu", imu, 10, (0, 0))]
+        rows += [("/rov/odom", odometry, 10, (0, 0)), ("/mocap/odom", odometry, 20, others)]
+        for name, kind, hz, (roll, turning) in rows:
+            connection = out.add_connection(name, kind, typestore=store)
+            for k in range(10 * hz):
+                sent = message(kind, k, roll, 0.5 + turning * k / hz)
+                out.write(connection, 10**9 + round(k / hz * 1e9), store.serialize_ros1(sent, kind))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("others", "taken"), [((0.0, 0.0), "/mocap/odom"), ((1.2, 0.0), "/rov/odom"), ((0.0, 0.3), "/rov/odom")]
+)
+def test_the_odometry_of_another_vehicle_is_not_taken(tmp_path, others, taken):
+    """One that lies on its side, or turns, while the IMU by the commands does not; else the fastest is taken."""
+    streams = streams_of(places_bag(tmp_path / "tank.bag", others))
+    assert streams.streams["position"].source == streams.streams["attitude"].source == taken
+    assert any(finding.code == "several_sources" for finding in streams.findings)
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,19 @@
 
 import os
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.logs import is_series, logs_of
+from auv_torchrl.flightlog import write_flightlog
 from auv_torchrl.flightlog.findings import FlightLogError
+from auv_torchrl.flightlog.streams.configuration import changed_in_flight
 from auv_torchrl.flightlog.streams.stream import ReadOptions
 from auv_torchrl.monitoring import dive_work
 from auv_torchrl.monitoring.dive_job import begun, plan_dives
@@ -18,6 +22,8 @@ from auv_torchrl.monitoring.dive_record import Dive
 from auv_torchrl.monitoring.dive_work import Work, follow_all
 from auv_torchrl.vehicle import load_vehicle
 from tests.command_lines import answers_of
+from tests.diagnosis.flown_logs import fly, hold
+from tests.diagnosis.stuck_channels import rocked
 from tests.monitoring.many_dives import BASELINE, PARAMETERS, dives_of, fading
 
 
@@ -49,8 +55,13 @@ def followed(monkeypatch):
 
     monkeypatch.setattr(dive_work, "follow_dive", follow_dive)
     monkeypatch.setattr(dive_work, "learn_reference", lambda *_: type("Reference", (), {"baseline": BASELINE}))
-    monkeypatch.setattr(Work, "read", lambda self, path: path)
+    monkeypatch.setattr(Work, "read", lambda self, path: flight_of(path))
     return names
+
+
+def flight_of(path, *findings):
+    """Of a log, what following it needs here."""
+    return SimpleNamespace(name=path.name, findings=findings)
 
 
 def work_in(folder, **changed):
@@ -165,7 +176,7 @@ def broken(monkeypatch, *names):
     def read(self, path):
         if path.name in names:
             raise FlightLogError(f"{path.name} has no column t")
-        return path
+        return flight_of(path)
 
     monkeypatch.setattr(Work, "read", read)
 
@@ -185,6 +196,28 @@ def test_a_dive_that_cannot_be_used_does_not_end_the_run(dives, followed, tmp_pa
         }
     assert [path.name for path in given] == ["dive_1.csv", "dive_3.csv"]
     assert len(followed) == 9
+
+
+def test_a_log_during_which_a_direction_was_set_is_no_reference(dives, tmp_path, monkeypatch):
+    """The vehicle was another one before; as a dive it is followed."""
+    (found,) = changed_in_flight(np.array([0.0, 9.0]), ["MOT_1_DIRECTION"] * 2, np.array([1.0, -1.0]))
+    set_late = {"dive_2.csv": [found]}
+    monkeypatch.setattr(Work, "read", lambda self, path: flight_of(path, *set_late.get(path.name, [])))
+    logs, refusals = work_in(tmp_path / "store").read_reference(plan_dives(config(log=str(dives))))
+    assert [log.name for log in logs] == ["dive_1.csv", "dive_3.csv"]
+    assert refusals == [f"dive_2.csv is no reference: {found.sentence}"]
+
+
+@pytest.mark.parametrize(("held", "cause"), [(False, "no thruster turns"), (True, "does not move with its commands")])
+def test_a_log_of_a_vehicle_on_deck_is_no_dive(tmp_path, held, cause):
+    """Neither with idle thrusters nor with turning ones."""
+    vehicle = hold(load_vehicle("bluerov2"))
+    log = rocked(fly(vehicle, {}, seed=2, episodes=1, seconds=40.0))
+    if not held:
+        log = replace(log, episodes=tuple(replace(one, commands=0.05 * one.commands) for one in log.episodes))
+    write_flightlog(log, tmp_path / "deck.csv")
+    with pytest.raises(FlightLogError, match=f"deck.* holds no dive: .*{cause}"):
+        work_in(tmp_path / "store", vehicle=vehicle, trust_log=True).read(tmp_path / "deck.csv")
 
 
 def test_without_a_dive_that_can_be_used_the_run_ends(dives, followed, tmp_path, monkeypatch):

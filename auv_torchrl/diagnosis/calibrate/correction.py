@@ -64,6 +64,7 @@ PASSES = 4  # of fitting the coefficients and measuring the floor, at most
 SETTLED = 0.1  # relative change of the floor, below which passes end: windows of two minutes tell the floor no better
 LASTS_S = 10.0  # s, after which a vehicle of this size goes steadily
 RISEN = 0.632  # of the steady speed: the time constant
+LEAST_COST = 1e-9  # of a window, where the prediction is exact
 LEAST = 1e-3  # m/s, rad/s, s: least speed and time that a ratio is taken of
 WORDS = {"surge": "forward", "sway": "sideways", "heave": "down", "yaw": "turning"}
 Sentences = dict[str, tuple[str, ...]]  # by subject: ``axes``, ``idle``, ``turning``
@@ -111,8 +112,8 @@ def correct_file(
     gain = _cross_validate(windows, held, coefficients, whole)
     if not gain.is_worth_it:
         sentence = (
-            f"the vehicle's file is a guess, but correcting it predicts unseen windows no better "
-            f"({percent(gain.share, sign=True)} of their error): its coefficients stand"
+            f"the vehicle's file is a guess, but that correcting it predicts unseen windows better is not sure "
+            f"({percent(-gain.share, sign=True)} of their error): its coefficients stand"
         )
         return Correction(vehicle, findings=(Finding(Severity.INFO, "coefficients_stand", sentence),))
     own = apply_values(vehicle, as_values(coefficients, whole.values))
@@ -148,17 +149,22 @@ class PredictionGain:
 
     @staticmethod
     def of(windows: Windows, before: Floats, after: Floats) -> "PredictionGain":
-        """The gain from the errors ``before`` to those ``after``, (W, m, C) of the used channels each."""
+        """The gain from the errors ``before`` to those ``after``, (W, m, C) of the used channels each.
+
+        The mean over windows is held against its standard error twice: of what each window gains, and of the logarithm
+        of how many times. Beside one window with ten times the error of the others, what all of them gain looks like
+        luck.
+        """
         from scipy.special import ndtr  # of the normal distribution; here: it takes long to import
 
         scale, _ = measure_scale(windows, after)
         cost = [
             (pseudo_huber(error, scale) ** 2 * windows.present[..., None]).sum((1, 2)) for error in (before, after)
         ]  # (W,) each
-        paid = cost[0] - cost[1]
-        error = paid.std(ddof=1) / np.sqrt(len(paid))
+        times = np.log(np.maximum(cost[0], LEAST_COST) / np.maximum(cost[1], LEAST_COST))
+        surest = max(float(gain.mean() / max(_standard_error(gain), 1e-12)) for gain in (cost[0] - cost[1], times))
         share = 1 - np.sqrt(cost[1].sum() / cost[0].sum())
-        return PredictionGain(float(share), float(ndtr(paid.mean() / max(error, 1e-12))))
+        return PredictionGain(float(share), float(ndtr(surest)))
 
     @property
     def is_worth_it(self) -> bool:
@@ -166,6 +172,10 @@ class PredictionGain:
         from scipy.special import ndtr
 
         return bool(self.share > WORTH_A_CORRECTION and self.probability > ndtr(SURELY_BETTER))
+
+
+def _standard_error(values: Floats) -> float:
+    return float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
 def _cross_validate(

@@ -14,9 +14,9 @@ from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
-from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by, without
-from auv_torchrl.diagnosis.unanswered.wording import in_words, named, tell, tell_other_source
+from auv_torchrl.diagnosis.unanswered.wording import in_words, named, tell, tell_held, tell_other_source
 from auv_torchrl.diagnosis.verdict import (
     OTHERS,
     Alternative,
@@ -34,7 +34,14 @@ Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, an
 # and ends at
 
 
-def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, guessed: bool, once: Once) -> Diagnosis:
+def weigh_readings(
+    log: FlightLog,
+    vehicle: Vehicle,
+    settings: Settings,
+    guessed: bool,
+    once: Once,
+    unsearched: Callable[[], tuple[Diagnosis, Found]],
+) -> Diagnosis:
     """The diagnosis of a log, with what does not answer to commands said first.
 
     Args:
@@ -43,8 +50,11 @@ def weigh_readings(log: FlightLog, vehicle: Vehicle, settings: Settings, guessed
         settings: of the diagnosis.
         guessed: whether the file is a guess, which is corrected on the log.
         once: explains a log as if all of its channels followed the vehicle.
+        unsearched: holds the log against the vehicle of the file, and looks for no effects.
     """
     still = find_stillness(log, vehicle, settings)
+    if not _is_all(log, vehicle, settings, still) and (share := hardly_moves(log, vehicle, settings)) is not None:
+        return _alone(unsearched()[0], (tell_held(share, log.axes),))
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
         return _unless_of_another_source(log, settings, guessed, *once(log, 0.0, 0.8), once)

@@ -38,6 +38,9 @@ WHOLE = 0.9  # of the windows, from which a channel stands still all along
 STABILISED = ("roll", "pitch", "p", "q", *ACCELERATION)
 AWAY = 4.0  # standard deviations from where a channel stood, beyond which it moves again,
 IN_A_ROW = 3  # with so many samples
+# Of what commands should make of all channels together, below which a vehicle hardly moves: beside files that are off
+# by factors, vehicles that swim make a fifth and more. And the correlation with it, below which it moves by itself.
+HARDLY, BY_ITSELF = 0.1, 0.1
 LEAST_NOISE = 1e-5  # m, rad, m/s, rad/s, m/s^2: a hundredth of what the best sensors of this kind scatter by
 
 
@@ -73,6 +76,13 @@ class Motions:
     noise: Floats  # white noise
     commanded: Floats
     count: Floats  # samples; 0 where too few to tell
+    bent: Floats  # like ``moved``, beyond what a start and a constant force make
+    along: Floats  # sums of products of the motion and the one that was commanded
+
+    def white(self) -> Floats:
+        """(C,) the variance of the white noise of each channel."""
+        noise = self.noise.sum(0) / np.maximum(self.count.sum(0), 1.0)
+        return np.maximum(np.maximum(noise, LEAST_NOISE**2), self.windows.resolution**2 / 12)
 
     def stands(self, channel: int, rows: np.ndarray) -> bool:
         """Whether a channel does not move over some windows in which the commands would have moved it."""
@@ -107,6 +117,25 @@ def find_stillness(log: FlightLog, vehicle: Vehicle, settings: Settings) -> tupl
     return tuple(
         entry for column in range(len(motions.windows.channels)) for entry in _of_channel(log, motions, column)
     )
+
+
+def hardly_moves(log: FlightLog, vehicle: Vehicle, settings: Settings) -> float | None:
+    """How far a vehicle moves of how far the commands should move it, where that is next to nothing; else None.
+
+    All channels count together, each in its noise. What rocks a held vehicle moves it, but not as commanded: neither
+    the motion may be large, nor the part of it that goes with the commands.
+    """
+    motions = measure_motions(log, vehicle, settings)
+    if motions is None:
+        return None
+    rows = motions.commanded.any(1)
+    bent, along, commanded = (
+        (each[rows] / motions.white()).sum(1) for each in (motions.bent, motions.along, motions.commanded)
+    )
+    if np.count_nonzero(commanded > MOVED**2) < FEWEST_WINDOWS:
+        return None
+    share = float(np.sqrt(max(bent.sum(), 0.0) / commanded.sum()))
+    return share if share < HARDLY and along.sum() < BY_ITSELF * HARDLY * commanded.sum() else None
 
 
 def standing(log: FlightLog, vehicle: Vehicle, settings: Settings) -> frozenset[str]:
@@ -169,7 +198,7 @@ def measure_motions(log: FlightLog, vehicle: Vehicle, settings: Settings) -> Mot
         return None
     response = commanded_motion(windows, vehicle)
     shape = len(windows), len(windows.channels)
-    moved, noise, commanded, count = (np.zeros(shape) for _ in range(4))
+    moved, noise, commanded, count, bent, along = (np.zeros(shape) for _ in range(6))
     for w, c in np.ndindex(shape):
         seen = windows.present[w] & (windows.trust[w, :, c] > 0) & np.isfinite(windows.measured[w, :, c])
         n = int(seen.sum())
@@ -182,8 +211,10 @@ def measure_motions(log: FlightLog, vehicle: Vehicle, settings: Settings) -> Mot
         total = float(values @ values)
         moved[w, c] = float(values[1:] @ values[:-1]) + total / (n - 1)
         noise[w, c] = max(total * n / (n - 1) - max(moved[w, c], 0.0), 0.0)
-        commanded[w, c], count[w, c] = float(own @ own), n
-    return Motions(windows, moved, noise, commanded, count)
+        commanded[w, c], count[w, c], along[w, c] = float(own @ own), n, float(own @ values)
+        apart = beyond_start(windows.sampled[w, seen], values, windows.channels[c])
+        bent[w, c] = float(apart[1:] @ apart[:-1])
+    return Motions(windows, moved, noise, commanded, count, bent, along)
 
 
 def commanded_motion(windows: Windows, vehicle: Vehicle) -> Floats:

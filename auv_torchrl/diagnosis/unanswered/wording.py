@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, channels_of
 from auv_torchrl.flightlog import Finding, Severity
+from auv_torchrl.quantities import percent
 from auv_torchrl.sensors import CHANNELS
 
 STILL = "does_not_answer"
@@ -32,6 +33,21 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
         episodes: of the log: of one, its number is not told.
     """
     return tuple(_finding(group, whole, episodes) for group in _groups(still))
+
+
+def tell_held(share: float, channels: Iterable[str]) -> Finding:
+    """The finding about a vehicle that hardly moves, and not with the commands.
+
+    Args:
+        share: how far it moves, of how far the commands should move it.
+        channels: that were measured.
+    """
+    sentence = (
+        f"the vehicle does not move with its commands ({percent(share)} of what they should make of it): it is on deck "
+        "or held, or its thrusters have no power"
+    )
+    remedy = f"Look {FREE}, and whether its thrusters have power"
+    return Finding(Severity.WARNING, NOTHING_MOVES, sentence, remedy, tuple(channels))
 
 
 def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = False) -> tuple[Finding, ...]:

@@ -93,6 +93,7 @@ _CHANNELS = {  # of each stream: names, unit, how it is sampled, and the kinds o
     "body_velocity": ("uvw", "m/s", Sampling.ESTIMATED, ()),
     "battery": (("voltage", "current"), ("V", "A"), Sampling.MEASURED, ()),
 }
+_APART = 0.35  # rad, by which the attitude of another vehicle is off that of the IMU; no two filters of one are
 _WITH_PLACE = ("attitude", "body_velocity")  # streams that are taken from the topic of the position if it has them
 
 
@@ -332,13 +333,17 @@ def _streams(name: str, topics: list[Topic], others: list[str], findings: tuple[
     times = {id(t): np.where(np.isfinite(t.sent) & stamped, t.sent, t.received) for t in topics}
     start = min(float(values.min()) for values in times.values())
     sensed = [(topic, _SENSED[topic.kind](topic)) for topic in topics if topic.kind in _SENSED]
+    strangers = _strangers(topics, sensed, times)
     found: dict[str, Stream] = {}
     sources: dict[str, Topic] = {}
     several: dict[str, list[str]] = {}
     for key, (channels, unit, sampling, preferred) in _CHANNELS.items():
         if holds := [(t, values[key]) for t, values in sensed if key in values]:
             with_place = sources.get("position") if key in _WITH_PLACE else None
-            rank = {id(t): (t is not with_place, t.kind not in preferred, -len(values)) for t, values in holds}
+            rank = {
+                id(t): (t is not with_place, id(t) in strangers, t.kind not in preferred, -len(values))
+                for t, values in holds
+            }
             topic, rows = min(holds, key=lambda one: rank[id(one[0])])
             made = stream(key, channels, unit, times[id(topic)] - start, rows, sampling, topic.name)
             found.update({key: made} if made else {})
@@ -358,6 +363,52 @@ def _streams(name: str, topics: list[Topic], others: list[str], findings: tuple[
     frames = Finding(Severity.INFO, "ros_frames", sentence)
     noted = (*findings, frames, *taken, *_mounting(sources.get("accelerometer")), *missing)
     return Streams(name, "ROS bag", found, VehicleFacts(), armed, modes, findings=noted)
+
+
+def _strangers(
+    topics: list[Topic], sensed: list[tuple[Topic, dict[str, Floats]]], times: dict[int, Floats]
+) -> set[int]:
+    """The topics whose attitude is not that of the IMU that bears the name of the commands: of another vehicle.
+
+    Where north is, and which way up, may differ: the tilt of the vehicle and how its heading changes may not.
+    """
+    commanding = {_namespace(t) for t in topics if t.kind in ("mavros_msgs/RCOut", "mavros_msgs/State", *_ARRAYS)}
+    own = next(
+        (
+            (times[id(t)], values["attitude"])
+            for t, values in sensed
+            if t.kind == "sensor_msgs/Imu" and "attitude" in values and _namespace(t) in commanding
+        ),
+        None,
+    )
+    if own is None:
+        return set()
+    attitudes = ((t, values["attitude"]) for t, values in sensed if "attitude" in values)
+    return {id(t) for t, attitude in attitudes if _apart(*own, times[id(t)], attitude) > _APART}
+
+
+def _apart(t: Floats, attitude: Floats, other_t: Floats, other: Floats) -> float:
+    """By how many rad two attitudes (T, 3) usually differ, but for where north is; 0 where that is not known."""
+    known, others = np.isfinite(attitude).all(-1), np.isfinite(other).all(-1)
+    t, attitude, other_t, other = t[known], attitude[known], other_t[others], other[others]
+    if not len(t) or not len(other_t):
+        return 0.0
+    order = np.argsort(t)
+    near = order[np.clip(np.searchsorted(t[order], other_t), 0, len(t) - 1)]
+    down, other_down = (_down_in_body(each) for each in (attitude[near], other))
+    tilt = np.median(np.arccos(np.clip((down * other_down).sum(-1), -1.0, 1.0)))
+    turned = np.exp(1j * (other[:, 2] - attitude[near, 2]))
+    return float(max(tilt, np.median(np.abs(np.angle(turned / turned.mean())))))
+
+
+def _down_in_body(attitude: Floats) -> Floats:
+    roll, pitch = attitude[:, 0], attitude[:, 1]
+    return np.stack([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)], axis=-1)
+
+
+def _namespace(topic: Topic) -> str:
+    """The first part of the name of a topic."""
+    return topic.name.strip("/").partition("/")[0]
 
 
 def _mounting(imu: Topic | None) -> list[Finding]:

@@ -20,6 +20,7 @@ DIRECTION, EXCHANGED = "motor_direction", "motors_exchanged"
 SHOWN_BY_FLIGHT = (DIRECTION, EXCHANGED)  # codes: a flight shows whether wires or plugs were changed along with it
 _WAYS = ("MIN", "MAX", "TRIM", "REVERSED")  # of the pulses of an output
 _FULL = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}  # us: what a T200 on its own speed controller takes
+SET_IN_FLIGHT = "set_in_flight"  # code of findings about parameters that were set while the log was written
 _LISTED = 6  # parameters that are named
 _ON_ITS_BACK = -0.5  # mean of cos(roll) cos(pitch), below which a vehicle seems to fly upside down
 
@@ -66,7 +67,7 @@ def changed_in_flight(t: np.ndarray, names: Sequence[str], values: np.ndarray) -
         if value != first.setdefault(name, value):
             sentence = f"{name} was set from {first[name]:g} to {value:g} at {at:.1f} s; all of the log is read with it"
             remedy = "Give a log that was begun after the parameter was set"
-            yield Finding(Severity.WARNING, "set_in_flight", sentence, remedy, limits=True)
+            yield Finding(Severity.WARNING, SET_IN_FLIGHT, sentence, remedy, limits=True)
             first[name] = value
 
 
