@@ -237,4 +237,4 @@ def _job_of(row: sqlite3.Row) -> Job:
 
 def now() -> str:
     """The time as the page writes it down."""
-    return datetime.now(UTC).isoformat(timespec="seconds")
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
