@@ -19,7 +19,6 @@ from auv_torchrl.quantities import counted
 MOST_S, STRETCH_S = 3600.0, 120.0
 # Bytes of the commands of all episodes on the grid of the windows, on which each is as long as the longest.
 MOST_COMMANDS = 64 << 20
-IDLE = 0.07  # of full command, below which no thruster turns: the dead band of speed controllers, 1472 to 1528 us
 FINEST_S = CONTROL_DT / 2  # of that grid, where samples do not come faster
 
 
@@ -50,11 +49,6 @@ def stretches_of(log: FlightLog) -> FlightLog:
     )
     finding = Finding(Severity.WARNING, "stretches", sentence, "Give the part that matters as a log of its own")
     return replace(log, episodes=episodes, findings=(*log.findings, finding))
-
-
-def is_idle(log: FlightLog) -> bool:
-    """Whether no thruster turns in a log."""
-    return all(float(np.abs(episode.commands).max(initial=0.0)) < IDLE for episode in log.episodes)
 
 
 def _bytes_per_s(log: FlightLog) -> float:
@@ -145,7 +139,7 @@ def _check(
         longest = max(episode.duration for episode in log.episodes)
         if longest > least_s + ROUNDING_S:  # long enough, but with pauses: the error says what it lacks
             raise
-        if is_idle(log):
+        if log.is_idle:
             raise FlightLogError(
                 f"{log.name} holds no dive: no thruster turns in it, and it is short: give the log of a dive, of "
                 f"{needed_s:.1f} s or more"

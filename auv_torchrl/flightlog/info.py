@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.columns import extra_of, missing
 from auv_torchrl.flightlog.findings import Finding, FlightLogError
-from auv_torchrl.flightlog.log import AXES
+from auv_torchrl.flightlog.log import AXES, IDLE
 from auv_torchrl.flightlog.readiness import begins
 from auv_torchrl.flightlog.rows import runs_of_time
 from auv_torchrl.flightlog.streams.compass import check_compass
@@ -156,6 +156,10 @@ def _diagnosable(streams: Streams, options: ReadOptions) -> Iterator[str]:
         table = tabulate(streams, options)
     except FlightLogError as error:
         yield f"diagnosis  not yet: {error}"
+        return
+    commands = [table.columns[name] for name in table.columns if name.startswith("cmd_")]
+    if commands and max(float(np.nanmax(np.abs(each), initial=0.0)) for each in commands) < IDLE:
+        yield "diagnosis  none: no thruster turns in it"
         return
     axes = [axis for axis in AXES if axis in table.columns]
     sources = choose(streams)

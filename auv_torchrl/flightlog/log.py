@@ -20,6 +20,7 @@ AXES = POSE + VELOCITY + ACCELERATION
 ANGLES = ("roll", "pitch", "yaw")
 
 Floats = NDArray[np.float64]
+IDLE = 0.07  # of full command, below which no thruster turns: the dead band of speed controllers, 1472 to 1528 us
 ALONE = "one_episode"  # code of the finding that no longer holds when logs are joined
 
 
@@ -108,6 +109,11 @@ class FlightLog:
     def samples(self) -> int:
         """Number of rows over all episodes."""
         return sum(len(episode) for episode in self.episodes)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no thruster turns."""
+        return all(float(np.abs(episode.commands).max(initial=0.0)) < IDLE for episode in self.episodes)
 
     @property
     def thrusters(self) -> int:

@@ -20,7 +20,6 @@ from auv_torchrl import __version__
 from auv_torchrl.diagnosis.axes import followable
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.lengths import is_idle
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.plain import from_plain, plain
 from auv_torchrl.diagnosis.unanswered.stillness import hardly_moves
@@ -135,7 +134,7 @@ class Work:
         errors = [str(finding) for finding in flight.findings if finding.severity is Severity.ERROR]
         if errors and not self.trust_log:
             raise FlightLogError(f"{flight.name}: {' '.join(errors)}")
-        if is_idle(flight):
+        if flight.is_idle:
             raise FlightLogError(f"{flight.name} holds no dive: no thruster turns in it")
         followed = followable(flight)
         cut_windows(followed, self.settings.window_s, self.settings.lead_s, self.settings.bin_s)

@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,10 @@ from auv_torchrl.paths import EXAMPLE_LOG, PROJECT
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import load_vehicle
 from tests.few_thrusters import FEW
-from tests.flightlog.dataflash_writer import dive
+from tests.flightlog.dataflash_writer import dive, flown
 from tests.flightlog.shared_data import EXCERPTS
+from tests.flightlog.simulate import simulated_logs
+from tests.flightlog.vehicle_log import streams_of
 
 EXCERPT = EXCERPTS / "ardusub.BIN"
 
@@ -46,6 +49,17 @@ def test_info_says_what_is_in_a_log(capsys):
         "p q r [rad/s], 25 Hz, 300 samples, measured: IMU 0", "rows of x y z roll pitch yaw p q r", "flight.csv: table",
     ):  # fmt: skip
         assert part in said, part
+
+
+@pytest.mark.parametrize(("share", "offered"), [(1.0, "rows of"), (0.05, "none: no thruster turns in it")])
+def test_info_offers_a_diagnosis_where_thrusters_turn(share, offered, tmp_path):
+    """Of a flight, and of the same with its outputs within the dead band of speed controllers."""
+    log = simulated_logs("paper", [{}], episodes=1, seconds=20.0, seed=5)[0]
+    (episode,) = log.episodes
+    path = tmp_path / "dive.BIN"
+    path.write_bytes(flown(replace(log, episodes=(replace(episode, commands=share * episode.commands),))))
+    (line,) = (line for line in info_lines(streams_of(path)) if "diagnosis " in line)
+    assert offered in line
 
 
 @settings(deadline=None, max_examples=40)
