@@ -114,6 +114,7 @@ SECTIONS = {
             "control milliampere", (*_ADAPTATION, "auv_torchrl/experiment", "conf/experiment/cruise.yaml"), QUICK
         ),
         _underway("dives milliampere", _DIAGNOSIS, SEALED),
+        Section("comparison.md", "versus", (*_DIAGNOSIS, "auv_torchrl/export/mjcf.py"), SEALED, rows.of_versus),
         Section("dives.md", "dives", (*_DIAGNOSIS, "auv_torchrl/monitoring"), SEALED, rows.of_dives),
     )
 }

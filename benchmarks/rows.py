@@ -85,6 +85,16 @@ def of_underway(part: str, command: str) -> Labels:
     return {"control": control.cases(vehicles), "paths": paths.ROWS, "dives": _one(dives.ROWS)}[kind]
 
 
+def of_versus(command: str) -> Labels:
+    """Of the sealed logs that mujoco.sysid got, too; the command says how many there are."""
+    from benchmarks.blind.sizes import CLEAR
+    from benchmarks.versus import labels
+
+    found = re.search(r"--cases (\d+)", command)
+    cases = [f"case_{number:04d}" for number in range(1, int(found[1]) + 1)] if found else []
+    return _one([*cases, *CLEAR, *labels.FAMILIES, *labels.FIGURES, labels.ALL, labels.NOT_ASKED])
+
+
 def of_trial(command: str) -> Labels:
     """Of the trial through the firmware; its command says how many cases were drawn, and from which seed."""
     from benchmarks.trial.cases import draw_cases

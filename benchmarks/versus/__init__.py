@@ -1,0 +1,1 @@
+"""Sealed logs given to the diagnosis and to mujoco.sysid: who names the cause, who is near its size."""
