@@ -56,7 +56,9 @@ def is_ordinary(problem: Problem, effect: FoundEffect) -> bool:
 def leave_one_out(found: Found) -> dict[str, float]:
     """Share of what the explanation closes that comes back when one effect is taken out."""
     best = found.best
-    nothing = max(found.none.chi2, best.chi2 + 1e-9)
+    nothing = found.none.chi2
+    if nothing <= best.chi2:
+        return dict.fromkeys(best.explanation.effects, 0.0)
     shares = {}
     for name in best.explanation.effects:
         rest = set(best.explanation.effects) - {name}

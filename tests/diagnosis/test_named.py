@@ -1,5 +1,6 @@
 """What a reader is told of the effects that were found."""
 
+from dataclasses import make_dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,6 +11,7 @@ from auv_torchrl.diagnosis import decision
 from auv_torchrl.diagnosis.decision import found_effects, is_ordinary
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
+from auv_torchrl.diagnosis.validate import veto
 from auv_torchrl.diagnosis.verdict import Estimate, FoundEffect
 from auv_torchrl.flightlog.log import SampleErrors
 from auv_torchrl.vehicle import load_vehicle
@@ -47,6 +49,18 @@ def test_an_owner_is_told_what_to_do_about_each_thruster(named_effect, probabili
     """A repair is known whatever the probability, which is said with it (``report.wording.to_do``)."""
     advice = named_effect(probability).advice
     assert [f"thruster {i + 1}" in one.do for i, one in enumerate(advice)] == [True] * 6
+
+
+def test_what_leaves_more_than_nothing_does_is_not_found(monkeypatch):
+    """Where taking back leaves a rest that leaves more than no effect, none is named; and such a rest closes nothing."""
+    kind = make_dataclass("Found", ["best", "none", "fits"])
+    better, worse, none = (SimpleNamespace(explanation=Explanation(terms=(Term("buoyancy", ("force",), 3.0),)), chi2=c)
+                           for c in (50.0, 3e7, 3e6))  # fmt: skip
+    steps = iter([kind(worse, none, ()), None])
+    monkeypatch.setattr(veto, "_without_one", lambda *_: next(steps))
+    found = veto.take_back(cast(Any, kind(better, none, ())), cast(Any, None), cast(Any, None))
+    assert found.best is none
+    assert decision.leave_one_out(cast(Any, kind(worse, none, ()))) == {"buoyancy": 0.0}
 
 
 def test_what_every_vehicle_is_off_by_is_no_finding_beside_a_fault():

@@ -124,10 +124,11 @@ def take_back(found: Found, testing: FlightLog, settings: Settings) -> Found:
 
     A statement is an effect beside others, or a member beside others of its family. It stays where some quantity is
     predicted worse without it, by more than chance; of several that may go, the one that does most harm goes first.
+    Where the rest leaves more of the log than no effect does, nothing was found.
     """
     while (less := _without_one(found, testing, settings)) is not None:
         found = less
-    return found
+    return found if found.best.chi2 <= found.none.chi2 else replace(found, best=found.none)
 
 
 def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found | None:
