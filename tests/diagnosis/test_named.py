@@ -52,7 +52,7 @@ def test_an_owner_is_told_what_to_do_about_each_thruster(named_effect, probabili
 
 
 def test_what_leaves_more_than_nothing_does_is_not_found(monkeypatch):
-    """Where taking back leaves a rest that leaves more than no effect, none is named; and such a rest closes nothing."""
+    """Where what is left leaves more than no effect does, none is named; and it closes nothing."""
     kind = make_dataclass("Found", ["best", "none", "fits"])
     better, worse, none = (SimpleNamespace(explanation=Explanation(terms=(Term("buoyancy", ("force",), 3.0),)), chi2=c)
                            for c in (50.0, 3e7, 3e6))  # fmt: skip
