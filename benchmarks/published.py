@@ -102,6 +102,7 @@ SECTIONS = {
         _real("saab", _LOGS),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
+        Section("ablation.md", "paired", _DIAGNOSIS, SEALED, rows.of_paired),
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),
         *(
             Section("owners.md", f"owners {sensors}", _DIAGNOSIS, SEALED, rows.of_owners)

@@ -61,6 +61,16 @@ def of_without(command: str) -> Labels:
     return _one([*PARTS, *DELETED])
 
 
+def of_paired(command: str) -> Labels:
+    """Of two versions of the diagnosis; the command says how many logs there are."""
+    from benchmarks.blind.cases import FAMILIES
+    from benchmarks.blind.paired import ALL, COUNTED, TIMES
+
+    found = re.search(r"paired (\d+)_cases", command)
+    cases = [f"case_{number:04d}" for number in range(1, int(found[1]) + 1)] if found else []
+    return _one([*FAMILIES, ALL, *COUNTED, TIMES, *cases])
+
+
 def of_size(command: str) -> Labels:
     """Of what there is to read of the diagnosis."""
     from benchmarks import size
