@@ -95,7 +95,7 @@ bench: $(READY) ## measure the figures of docs/results/benchmarks.md
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
 	$(BIN)/python -m benchmarks.control
 
-gpu: $(READY) ## on a machine with a GPU: its tests, steps per second, trainings
+gpu: $(READY) ## where there is a GPU: its tests, steps per second, trainings
 	$(BIN)/python -m pytest -m gpu
 	$(BIN)/python -m benchmarks.control.on_gpu
 

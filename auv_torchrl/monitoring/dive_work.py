@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.plain import from_plain, plain
-from auv_torchrl.diagnosis.unanswered.stillness import hardly_moves
+from auv_torchrl.diagnosis.unanswered.other_source import share_of_held
 from auv_torchrl.diagnosis.unanswered.wording import tell_held
 from auv_torchrl.files import say_not_kept, write_text, write_whole
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError, Severity, read_flightlog
@@ -138,7 +138,7 @@ class Work:
             raise FlightLogError(f"{flight.name} holds no dive: no thruster turns in it")
         followed = followable(flight)
         cut_windows(followed, self.settings.window_s, self.settings.lead_s, self.settings.bin_s)
-        if (share := hardly_moves(followed, self.vehicle, self.settings)) is not None:
+        if (share := share_of_held(followed, self.vehicle, self.settings)) is not None:
             raise FlightLogError(f"{flight.name} holds no dive: {tell_held(share, followed.axes).sentence}")
         return flight
 

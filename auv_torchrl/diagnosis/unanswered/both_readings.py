@@ -13,8 +13,8 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
-from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle
-from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves, standing
+from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle, share_of_held
+from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by, without
 from auv_torchrl.diagnosis.unanswered.wording import in_words, named, tell, tell_held, tell_other_source
 from auv_torchrl.diagnosis.verdict import (
@@ -53,7 +53,7 @@ def weigh_readings(
         unsearched: holds the log against the vehicle of the file, and looks for no effects.
     """
     still = find_stillness(log, vehicle, settings)
-    if not _is_all(log, vehicle, settings, still) and (share := hardly_moves(log, vehicle, settings)) is not None:
+    if not _is_all(log, vehicle, settings, still) and (share := share_of_held(log, vehicle, settings)) is not None:
         return _alone(unsearched()[0], (tell_held(share, log.axes),))
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:

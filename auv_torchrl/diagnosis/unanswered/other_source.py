@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auv_torchrl.diagnosis.axes import hold_attitude
 from auv_torchrl.diagnosis.identify.before_effects import follow_agreeing
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
@@ -24,11 +25,12 @@ from auv_torchrl.diagnosis.localize.attribute import in_pieces
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
-from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness, channels_of
+from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness, channels_of, hardly_moves
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLog, FlightLogError
 from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import MOTION
+from auv_torchrl.vehicle import Vehicle
 
 LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
 SURE = 5.0  # log odds from a moment on, beside which all other channels must fit
@@ -99,6 +101,21 @@ def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[Suspect]:
         names |= set(OF_POSITION) & set(windows.channels)
     stretches = tuple(entry for name in sorted(names) for entry in _entries(windows, name, first))
     yield Suspect(stretches, contradicts=False)
+
+
+def share_of_held(log: FlightLog, vehicle: Vehicle, settings: Settings) -> float | None:
+    """How far a vehicle that is held moves, of how far its commands should move it; None of one that swims.
+
+    A vehicle that holds its place moves little, too, but for each thrust that does not move it something else must
+    push against it: there, thrust shows in the motion. Of one that is held it shows in no degree of freedom.
+    """
+    share = hardly_moves(log, vehicle, settings)
+    if share is None:
+        return None
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    shown, deviation = shares_shown(*follow_agreeing(Problem.of(windows, hold_attitude(log, vehicle), settings)))
+    odds = [float(_odds_behind(shown[:, [k]], deviation[:, [k]])[0]) for k in range(shown.shape[1])]
+    return share if min(odds) > -SURE and sum(odds) > SURE else None
 
 
 def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:

@@ -124,11 +124,12 @@ def take_back(found: Found, testing: FlightLog, settings: Settings) -> Found:
 
     A statement is an effect beside others, or a member beside others of its family. It stays where some quantity is
     predicted worse without it, by more than chance; of several that may go, the one that does most harm goes first.
-    Where the rest leaves more of the log than no effect does, nothing was found.
+    Where what then stays leaves more of the log than no effect does, nothing was found.
     """
-    while (less := _without_one(found, testing, settings)) is not None:
-        found = less
-    return found if found.best.chi2 <= found.none.chi2 else replace(found, best=found.none)
+    left = found
+    while (less := _without_one(left, testing, settings)) is not None:
+        left = less
+    return replace(left, best=left.none) if left is not found and left.best.chi2 > left.none.chi2 else left
 
 
 def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found | None:
