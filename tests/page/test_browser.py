@@ -204,7 +204,8 @@ def test_the_history_of_a_vehicle_shows_its_dives_and_what_changed(tab, address)
     """In the order of the dates in their names."""
     for name in ("2026-03-01.csv", "2026-01-01.csv"):
         row = drop(tab, name, another())
-        row.locator("select").select_option("bluerov2")
+        with tab.expect_navigation():  # a file that is dropped while the page is left is lost
+            row.locator("select").select_option("bluerov2")
         tab.wait_for_selector(f"tr:has-text('{name}') option[value=bluerov2]:checked", state="attached")
     tab.locator("tr", has_text="2026-01-01.csv").get_by_role("button", name="mark healthy").click()
     tab.wait_for_selector("tr:has-text('2026-01-01.csv') .mark[aria-pressed=true]")
