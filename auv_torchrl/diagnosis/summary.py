@@ -142,15 +142,15 @@ def headline_of(diagnosis: Diagnosis) -> str:
 def _short(effect: FoundEffect) -> str:
     """The sentence of an effect, or where it is long or tells of several values, what is wrong with which thrusters."""
     clause = effect.sentence.rstrip(".")
-    several = ";" in clause and len(effect.thrusters) > 1
-    for shorter in () if several else (clause, clause.split(";")[0]):
+    lists_values = ";" in clause and len(effect.thrusters) > 1
+    for shorter in () if lists_values else (clause, clause.split(";")[0]):
         shown = how_sure(shorter, effect.probability)
         if ";" not in shown and _count(shown) <= MOST_WORDS:
             return shown
     name, numbers = words(effect.name), effect.thrusters
-    several = EFFECTS[effect.name].of_several if effect.name in EFFECTS and len(numbers) > 1 else ""
+    of_several = EFFECTS[effect.name].of_several if effect.name in EFFECTS and len(numbers) > 1 else ""
     where = f" of thruster{'s' if len(numbers) > 1 else ''} {series(numbers)}" if numbers else ""
-    clause = several.format(which=series(numbers)) if several else f"{name}{where}"
+    clause = of_several.format(which=series(numbers)) if of_several else f"{name}{where}"
     shown = how_sure(clause, effect.probability)
     return shown if _count(shown) <= MOST_WORDS else how_sure(name, effect.probability)
 

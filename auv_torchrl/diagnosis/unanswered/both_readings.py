@@ -53,7 +53,7 @@ def weigh_readings(
         unsearched: holds the log against the vehicle of the file, and looks for no effects.
     """
     still = find_stillness(log, vehicle, settings)
-    if not _is_all(log, vehicle, settings, still) and (share := share_of_held(log, vehicle, settings)) is not None:
+    if (share := share_of_held(log, vehicle, settings)) is not None and not _is_all(log, vehicle, settings, still):
         return _alone(unsearched()[0], (tell_held(share, log.axes),))
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:

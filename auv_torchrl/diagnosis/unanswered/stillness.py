@@ -79,9 +79,9 @@ class Motions:
     bent: Floats  # like ``moved``, beyond what a start and a constant force make
     along: Floats  # sums of products of the motion and the one that was commanded
 
-    def white(self) -> Floats:
-        """(C,) the variance of the white noise of each channel."""
-        noise = self.noise.sum(0) / np.maximum(self.count.sum(0), 1.0)
+    def white(self, rows: np.ndarray | slice = slice(None)) -> Floats:
+        """(C,) the variance of the white noise of each channel, over some windows."""
+        noise = self.noise[rows].sum(0) / np.maximum(self.count[rows].sum(0), 1.0)
         return np.maximum(np.maximum(noise, LEAST_NOISE**2), self.windows.resolution**2 / 12)
 
     def stands(self, channel: int, rows: np.ndarray) -> bool:
@@ -90,8 +90,7 @@ class Motions:
         total, commanded, moved = float(count.sum()), float(each.sum()), float(self.moved[rows, channel].sum())
         if not total:
             return False
-        noise = float(self.noise[rows, channel].sum()) / total
-        white = max(noise, LEAST_NOISE**2, float(self.windows.resolution[channel]) ** 2 / 12)
+        white = float(self.white(rows)[channel])
         slow = min(WHITE * white * total, SHOWN**2 * commanded)
         enough = np.count_nonzero(each > np.maximum(MOVED**2 * white, LEAST_SHOWN**2 * count)) >= FEWEST_WINDOWS
         return bool(enough and moved < max(slow, SURE * white * np.sqrt(2 * total)))
