@@ -6,6 +6,7 @@ that its command could not have printed.
 """
 
 import re
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -125,6 +126,17 @@ COPIED = {  # tables of README, by the first cells of their heads: the sections 
     "method | target data": ("benchmarks.md", "comparison"),
 }
 BY_ROW = {"table2"}  # whose rows have the same names there and in README; of others all figures count
+
+
+def commit_to_name(parser: ArgumentParser, document: Path, name: str, publishes: bool) -> str:
+    """The commit that a section is to name; empty where it is printed alone.
+
+    Ends the command of the parser with one line where the code is no commit.
+    """
+    try:
+        return provenance.committed(SECTIONS[document.name, name].measures) if publishes else ""
+    except ValueError as error:
+        parser.error(str(error))
 
 
 def publish(document: Path, name: str, text: str, command: str, commit: str) -> None:

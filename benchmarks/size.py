@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from auv_torchrl.paths import PROJECT
-from benchmarks import provenance, published
+from benchmarks import published
 
 PACKAGE = PROJECT / "auv_torchrl"
 PAGE = PROJECT / "docs" / "results" / "ablation.md"
@@ -95,10 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.size", description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--publish", action="store_true", help=f"write the table into {PAGE.relative_to(PROJECT)}")
     asked = parser.parse_args()
-    try:
-        commit = provenance.committed(published.SECTIONS[PAGE.name, "size"].measures) if asked.publish else ""
-    except ValueError as error:
-        parser.error(str(error))
+    commit = published.commit_to_name(parser, PAGE, "size", asked.publish)
     print(text := report())
     if asked.publish:
         published.publish(PAGE, "size", text, "python -m benchmarks.size", commit)

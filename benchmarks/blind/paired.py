@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks import provenance, published
+from benchmarks import published
 from benchmarks.blind.examine import read_answers
 from benchmarks.blind.judge import Judgement, judge
 from benchmarks.blind.seal import answers_folder, open_labels, read_manifest
@@ -117,10 +117,7 @@ def main() -> None:
     parser.add_argument("--called", default="before", help="what that version is called, e.g. its commit")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.relative_to(PROJECT)}")
     asked = parser.parse_args()
-    try:
-        commit = provenance.committed(published.SECTIONS[PAGE.name, SECTION].measures) if asked.publish else ""
-    except ValueError as error:
-        parser.error(str(error))
+    commit = published.commit_to_name(parser, PAGE, SECTION, asked.publish)
     from benchmarks.blind.report import markdown
 
     text = "\n\n".join(map(markdown, tables(pairs_of(asked.folder, asked.before), asked.called)))

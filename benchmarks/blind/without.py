@@ -21,10 +21,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks import provenance
 from benchmarks.blind.ablation import Case, difference
 from benchmarks.blind.table import Table
-from benchmarks.published import RESULTS, SECTIONS, publish
+from benchmarks.published import RESULTS, commit_to_name, publish
 
 DIAGNOSIS = "auv_torchrl.diagnosis"
 PAGE, SECTION = RESULTS / "ablation.md", "without"
@@ -225,10 +224,7 @@ def main() -> None:
     asked = parser.parse_args()
     if unknown := set(asked.only or ()) - set(PARTS):
         parser.error(f"no parts: {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
-    try:
-        commit = provenance.committed(SECTIONS[PAGE.name, SECTION].measures) if asked.publish else ""
-    except ValueError as error:
-        parser.error(str(error))
+    commit = commit_to_name(parser, PAGE, SECTION, asked.publish)
     from benchmarks.blind.report import markdown
 
     cases, changed = cases_of(asked.folders, asked.logs, asked.workers), {}

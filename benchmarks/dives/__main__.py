@@ -21,8 +21,8 @@ from auv_torchrl.monitoring.dive_history import label_of
 from auv_torchrl.monitoring.dive_record import follow_dive, learn_reference
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from benchmarks import provenance, show_progress
 from benchmarks import published as tables
+from benchmarks import show_progress
 from benchmarks.dives.fly import Series, fly_series
 from benchmarks.scoring import NEAR, Named, Score, score
 
@@ -152,12 +152,7 @@ def main() -> None:
     parser.add_argument("--dives", type=int, default=50, help="of each of these, behind the reference")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.name}")
     options = parser.parse_args()
-    commit = ""
-    if options.publish:
-        try:
-            commit = provenance.committed(tables.SECTIONS[PAGE.name, SECTION].measures)
-        except ValueError as error:
-            parser.error(str(error))
+    commit = tables.commit_to_name(parser, PAGE, SECTION, options.publish)
     show_progress()
     torch.set_num_threads(1)
     vehicle = load_vehicle(VEHICLE)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks import provenance, published, show_progress
+from benchmarks import published, show_progress
 from benchmarks.blind.examine import examine, read_answers
 from benchmarks.blind.fly import fly
 from benchmarks.blind.report import markdown
@@ -50,10 +50,7 @@ def main() -> None:
     if asked.cases < 1 or asked.seed < 0 or asked.workers < 1:
         parser.error("--cases and --workers are 1 or more, --seed is 0 or more")
     section = f"owners {asked.sensors}"
-    try:
-        commit = provenance.committed(published.SECTIONS[PAGE.name, section].measures) if asked.publish else ""
-    except ValueError as error:
-        parser.error(str(error))
+    commit = published.commit_to_name(parser, PAGE, section, asked.publish)
     show_progress()
     folder = asked.folder / f"{asked.sensors}_{asked.cases}_cases_seed_{asked.seed}"
     folder.mkdir(parents=True, exist_ok=True)

@@ -59,9 +59,9 @@ def main() -> None:
     command = f"python -m benchmarks.trial --cases {options.cases} --seed {options.seed}"
     try:
         firmware.program()
-        commit = provenance.committed(tables.SECTIONS[PAGE.name, SECTION].measures) if options.publish else ""
     except ValueError as error:
         parser.error(str(error))
+    commit = tables.commit_to_name(parser, PAGE, SECTION, options.publish)
     folder = KEPT / f"{options.seed}-{provenance.digest()}"
     folder.mkdir(parents=True, exist_ok=True)
     results = run(draw_cases(options.cases, options.seed), folder, options.seed, options.minutes, options.nice)

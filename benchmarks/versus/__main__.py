@@ -15,7 +15,7 @@ from typing import Any
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks import provenance, published, show_progress
+from benchmarks import published, show_progress
 from benchmarks.blind.examine import examine, read_answers
 from benchmarks.blind.report import markdown
 from benchmarks.blind.seal import answers_folder, log_path, open_labels, read_manifest, write_json
@@ -88,10 +88,7 @@ def main() -> None:
         parser.error("--cases is 1 or more, --seed is 0 or more")
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         parser.error(f"mujoco.sysid imports {' and '.join(missing)}: pip install '.[bench]'")
-    try:
-        commit = provenance.committed(published.SECTIONS[PAGE.name, SECTION].measures) if asked.publish else ""
-    except ValueError as error:
-        parser.error(str(error))
+    commit = published.commit_to_name(parser, PAGE, SECTION, asked.publish)
     show_progress()
     folder = asked.folder / f"{asked.cases}_cases_seed_{asked.seed}"
     folder.mkdir(parents=True, exist_ok=True)

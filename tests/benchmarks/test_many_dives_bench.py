@@ -7,6 +7,7 @@ import pytest
 
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks import provenance
 from benchmarks.dives import __main__ as bench
 from benchmarks.dives.fly import Series, fly_series
 from benchmarks.published import SECTIONS
@@ -30,7 +31,7 @@ def test_a_page_without_its_marks_is_refused(tmp_path, monkeypatch):
     page = tmp_path / "dives.md"
     page.write_text(f"# Dives\n{BEGIN}\n")
     monkeypatch.setattr(bench, "PAGE", page)
-    monkeypatch.setattr(bench.provenance, "age", lambda commit, paths: 0)
+    monkeypatch.setattr(provenance, "age", lambda commit, paths: 0)
     with pytest.raises(ValueError, match=f"followed by {END}: put both"):
         bench.publish(["| thruster 2 |"], 5, "0123abc")
     assert page.read_text() == f"# Dives\n{BEGIN}\n"
@@ -51,7 +52,7 @@ def test_a_fading_thruster_is_noticed_over_flown_dives(tmp_path, monkeypatch):
     page = tmp_path / "dives.md"
     page.write_text(f"# Dives\n{BEGIN}\noutdated\n{END}\nrest\n")
     monkeypatch.setattr(bench, "PAGE", page)
-    monkeypatch.setattr(bench.provenance, "age", lambda commit, paths: 0)
+    monkeypatch.setattr(provenance, "age", lambda commit, paths: 0)
     assert outcome.score is bench.Score.HALF, "it fades by two per cent a dive, not by one"
     bench.publish(bench.report([outcome], [], 5), 5, "0123abc")
     assert "| thruster 2 |" in page.read_text()
