@@ -16,7 +16,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from tqdm import tqdm
@@ -161,18 +160,18 @@ def _is_same(one: Any, other: Any) -> bool:
 
 
 def parts_acting(case: Case) -> set[str]:
-    """Which parts act on a log; they are watched in this process for good."""
+    """Which parts act on a log, which is diagnosed for it; they are watched in this process for good."""
     from benchmarks.blind.examine import examine_one
     from benchmarks.blind.seal import answers_folder, write_json
 
     folder, task = case
-    mine = answers_folder(folder) / "without"
-    mine.mkdir(exist_ok=True)
+    answers = answers_folder(folder)
+    mine = answers / "without"
+    mine.mkdir(parents=True, exist_ok=True)
     noted = mine / f"{task}.json"
     if not noted.exists():
         acting = watch(PARTS)
-        with TemporaryDirectory() as answers:  # the answer itself is there
-            examine_one(folder, Path(answers), task)
+        examine_one(folder, answers, task)
         write_json(noted, {"acting": sorted(acting)})
     return set(json.loads(noted.read_text())["acting"])
 
@@ -196,13 +195,10 @@ def changed_without(name: str, cases: Sequence[Case]) -> list[str]:
     return found
 
 
-def cases_of(folders: Sequence[Path], logs: int, workers: int) -> list[Case]:
-    """The first logs of some folders, all of them answered by the diagnosis as it is."""
-    from benchmarks.blind.examine import examine
-    from benchmarks.blind.seal import answers_folder, read_manifest
+def cases_of(folders: Sequence[Path], logs: int) -> list[Case]:
+    """The first logs of some folders."""
+    from benchmarks.blind.seal import read_manifest
 
-    for folder in folders:
-        examine(folder, answers_folder(folder), workers)
     return [(folder, task) for folder in folders for task in sorted(read_manifest(folder)["tasks"])[:logs]]
 
 
@@ -227,7 +223,7 @@ def main() -> None:
     commit = commit_to_name(parser, PAGE, SECTION, asked.publish)
     from benchmarks.blind.report import markdown
 
-    cases, changed = cases_of(asked.folders, asked.logs, asked.workers), {}
+    cases, changed = cases_of(asked.folders, asked.logs), {}
     names = asked.only or list(PARTS)
     context = multiprocessing.get_context("forkserver")  # each process watches or leaves out for good
     with ProcessPoolExecutor(asked.workers, context, max_tasks_per_child=1) as pool:

@@ -125,7 +125,7 @@ def _diagnose(data: Path, label: str) -> Mapping[str, Any]:
             right = not held.is_dive and "holds no dive" in str(refusal)
             return _row(label, held.holds, "refused", str(refusal), (), (), right, begin)
     dead, alarms = dead_of(found), alarms_of(found, held.doubt)
-    silent = any(finding.code == "nothing_moves" for finding in found.findings)
+    silent = any(finding.code in ("nothing_moves", "held") for finding in found.findings)
     right = not dead and not alarms and silent is not held.is_dive
     return _row(label, held.holds, found.verdict.key, found.headline, dead, alarms, right, begin)
 

@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.unanswered.other_source import find_other_source
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves
 from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
+from auv_torchrl.diagnosis.verdict import Where
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, read_flightlog, write_flightlog
 from auv_torchrl.vehicle import load_vehicle
@@ -128,14 +129,16 @@ def test_a_vehicle_that_stands_on_deck_is_told_so():
 
 
 def test_a_vehicle_that_rocks_on_a_boat_while_its_thrusters_turn_does_not_move(monkeypatch):
-    """Though no channel stands still: no thruster is named, no file is corrected, and nothing is searched."""
+    """Though no channel stands still: no thruster is named or located, no file corrected, and nothing is searched."""
     vehicle = hold(load_vehicle("bluerov2"))
     log = rocked(fly(vehicle, {}, seed=2, episodes=2, seconds=24.0))
     assert not is_whole(find_stillness(log, vehicle, SETTINGS), log)
     monkeypatch.setattr("auv_torchrl.diagnosis.explain.correct_file", None)
     diagnosis = diagnose(log, vehicle, uncertainty=load_uncertainty("bluerov2", vehicle))
-    assert diagnosis.headline == "The vehicle does not move at all, whatever is commanded."
+    assert diagnosis.headline == "The vehicle does not move with its commands."
     assert diagnosis.summary.startswith("The vehicle does not move with its commands (")
+    assert [one.called for one in diagnosis.alternatives] == ["the vehicle does not move with its commands"]
+    assert diagnosis.where == Where()
     assert diagnosis.verdict is Verdict.CANNOT_TELL and not diagnosis.effects and diagnosis.next_experiment is None
 
 

@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis.report.wording import (
     shown,
     to_do,
 )
+from auv_torchrl.diagnosis.unanswered.wording import is_all
 from auv_torchrl.diagnosis.verdict import NOT_SHOWN, Confirmation, Diagnosis, Gap, Verdict
 from auv_torchrl.flightlog import Severity
 from auv_torchrl.quantities import number, percent, words
@@ -86,7 +87,8 @@ def _warnings(diagnosis: Diagnosis, printed: Collection[str]) -> list[str]:
 def _errors(diagnosis: Diagnosis) -> list[str]:
     gap, confirmed = diagnosis.gap, diagnosis.gap.confirmed
     lines = [_line("held-out error", "after", (f"{h:g} s" for h in gap.horizon_s)), *_rows(gap)]
-    why_not = diverged(diagnosis) or "held-out flight shows none"
+    none = "the log does not show the vehicle" if is_all(diagnosis.findings) else "held-out flight shows none"
+    why_not = diverged(diagnosis) or none
     closed = f"not defined, {why_not}" if gap.closed is None else percent(gap.closed)
     lines.append(f"share of the gap between before and floor that is closed: {closed}")
     if confirmed is not None:

@@ -26,6 +26,7 @@ from auv_torchrl.diagnosis.verdict import (
     FoundEffect,
     Gap,
     Verdict,
+    Where,
 )
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
@@ -54,7 +55,8 @@ def weigh_readings(
     """
     still = find_stillness(log, vehicle, settings)
     if (share := share_of_held(log, vehicle, settings)) is not None and not _is_all(log, vehicle, settings, still):
-        return _alone(unsearched()[0], (tell_held(share, log.axes),))
+        held = (tell_held(share, log.axes),)
+        return replace(_alone(unsearched()[0], held), alternatives=(Alternative((), in_words(held), 1.0),))
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
         return _unless_of_another_source(log, settings, guessed, *once(log, 0.0, 0.8), once)
@@ -143,12 +145,13 @@ def _beside(rest: Diagnosis, logged: Diagnosis, silent: tuple[Finding, ...]) -> 
 
 
 def _alone(logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
-    """Nothing that could be explained is left: what does not answer is all that is said."""
+    """Nothing that could be explained or located is left: what does not answer is all that is said."""
     seen = {one.name: one.probability for one in logged.candidates}
     return replace(
         logged,
         verdict=Verdict.CANNOT_TELL,
         summary=" ".join(_sentence(finding.sentence) for finding in silent),
+        where=Where(),
         effects=(),
         candidates=_halved((), seen),
         alternatives=doubted_alternatives(logged.alternatives, BELIEVED, in_words(silent)),

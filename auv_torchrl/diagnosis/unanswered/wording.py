@@ -9,8 +9,14 @@ from auv_torchrl.sensors import CHANNELS
 
 STILL = "does_not_answer"
 NOTHING_MOVES = "nothing_moves"
+HELD = "held"
 ELSEWHERE = "not_of_this_vehicle"
 NOTHING_FOLLOWS = "nothing_follows"
+OF_ALL = {  # what is said of everything that was measured
+    NOTHING_MOVES: "the vehicle does not move at all, whatever is commanded",
+    HELD: "the vehicle does not move with its commands",
+    NOTHING_FOLLOWS: "nothing that was measured follows the commands",
+}
 TOGETHER = 0.5  # of the shorter of two stretches, from which they are told as one
 NAMES = {
     ("x", "y"): "position", ("x",): "north position", ("y",): "east position", ("z",): "depth",
@@ -47,7 +53,7 @@ def tell_held(share: float, channels: Iterable[str]) -> Finding:
         "or held, or its thrusters have no power"
     )
     remedy = f"Look {FREE}, and whether its thrusters have power"
-    return Finding(Severity.WARNING, NOTHING_MOVES, sentence, remedy, tuple(channels))
+    return Finding(Severity.WARNING, HELD, sentence, remedy, tuple(channels))
 
 
 def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = False) -> tuple[Finding, ...]:
@@ -77,7 +83,7 @@ def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = F
 
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """The findings about channels that do not answer to commands, or do not follow the vehicle."""
-    return tuple(finding for finding in findings if finding.code in (STILL, NOTHING_MOVES, ELSEWHERE, NOTHING_FOLLOWS))
+    return tuple(finding for finding in findings if finding.code in (STILL, ELSEWHERE, *OF_ALL))
 
 
 def named(channels: Iterable[str]) -> str:
@@ -93,17 +99,16 @@ def named(channels: Iterable[str]) -> str:
 
 def is_all(findings: Iterable[Finding]) -> bool:
     """Whether nothing that was measured is left beside what does not answer."""
-    return any(finding.code in (NOTHING_MOVES, NOTHING_FOLLOWS) for finding in findings)
+    return any(finding.code in OF_ALL for finding in findings)
 
 
 def in_words(findings: Iterable[Finding]) -> str:
     """A clause: what does not answer to commands, or does not follow the vehicle."""
     found = list(findings)
     codes = {finding.code for finding in found}
-    if NOTHING_MOVES in codes:
-        return "the vehicle does not move at all, whatever is commanded"
-    if NOTHING_FOLLOWS in codes:
-        return "nothing that was measured follows the commands"
+    for code, clause in OF_ALL.items():
+        if code in codes:
+            return clause
     name = named({column for finding in found for column in finding.columns})
     does = "follow the vehicle" if ELSEWHERE in codes else "answer to any command"
     return f"{name} {_does(name)} not {does}"
