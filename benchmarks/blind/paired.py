@@ -1,10 +1,11 @@
-"""``python -m benchmarks.blind.paired FOLDER --before ANSWERS``: two versions of the diagnosis, log by log.
+"""``python -m benchmarks.blind.paired FOLDER ... --before ANSWERS``: two versions of the diagnosis, log by log.
 
-Both diagnosed the same sealed logs. The answers of the version before are made by its own code, in a checkout of it::
+Both diagnosed the same sealed logs, of one kind. The answers of the version before are made by its own code, in a
+checkout of it::
 
     python -c "from pathlib import Path; from benchmarks.blind.examine import examine; examine(Path(...), Path(...), 2)"
 
-with the folder of the logs and one for the answers. All answers are scored by the rule of today.
+with the folder of the logs and one in it for the answers. All answers are scored by the rule of today.
 """
 
 import argparse
@@ -24,7 +25,8 @@ from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.blind.table import Z_95, Table
 from benchmarks.scoring import Score
 
-PAGE, SECTION = PROJECT / "docs" / "results" / "ablation.md", "paired"
+PAGE = PROJECT / "docs" / "results" / "ablation.md"
+KINDS = {"paired": "", **{f"paired {one}": one for one in ("stock", "dvl", "strangers")}}  # section -> kind of logs
 RIGHT = Score.RIGHT.name.lower()
 ALL, TIMES = "all", "CPU s, median / largest"  # rows
 COUNTED: dict[str, Callable[[Judgement], bool]] = {  # what must not become more, and when an answer is one
@@ -63,7 +65,14 @@ def pairs_of(folder: Path, before: Path) -> list[Pair]:
     return [Pair(*(judge(name, label, each[name], vehicle) for each in answers)) for name, label in labels.items()]
 
 
-def tables(pairs: Sequence[Pair], called: str) -> list[Table]:
+def section_of(folder: Path) -> str:
+    """The section that the logs of a folder belong into: by their sensors, or strangers."""
+    settings = read_manifest(folder)["settings"]
+    kind = "strangers" if settings.get("strangers") else settings.get("sensors") or ""
+    return next(section for section, its in KINDS.items() if its == kind)
+
+
+def tables(pairs: Sequence[Pair], called: str, kind: str = "") -> list[Table]:
     """What changed: by family, what must not be more, time, and each log of which the score changed."""
     ordered = sorted(pairs, key=lambda pair: pair.now.family)
     families = [(name, list(group)) for name, group in groupby(ordered, key=lambda pair: pair.now.family)]
@@ -80,7 +89,7 @@ def tables(pairs: Sequence[Pair], called: str) -> list[Table]:
         if pair.before.score != pair.now.score
     ]
     return [
-        Table("The same sealed logs, before and now", head, rows),
+        Table(", ".join(filter(None, ("The same sealed logs, before and now", kind))), head, rows),
         Table("What must not become more", ("", called, "now"), [*counts, *times]),
         Table("Logs of which the score changed", ("case", "family", "truth", called, "now"), changed),
     ]
@@ -112,19 +121,25 @@ def main() -> None:
     """Print, or write the page."""
     description = (__doc__ or "").split("\n", 1)[0]
     parser = argparse.ArgumentParser(prog="python -m benchmarks.blind.paired", description=description)
-    parser.add_argument("folder", type=Path, help="of sealed logs, diagnosed by python -m benchmarks.blind")
-    parser.add_argument("--before", type=Path, required=True, help="folder of the answers of the version before")
+    parser.add_argument("folders", nargs="+", type=Path, help="of sealed logs, diagnosed by python -m benchmarks.blind")
+    parser.add_argument("--before", required=True, help="name of the folder in each with the answers of before")
     parser.add_argument("--called", default="before", help="what that version is called, e.g. its commit")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.relative_to(PROJECT)}")
     asked = parser.parse_args()
-    commit = published.commit_to_name(parser, PAGE, SECTION, asked.publish)
+    sections = {section_of(folder) for folder in asked.folders}
+    if len(sections) > 1:
+        parser.error(f"the folders hold logs of several kinds ({', '.join(sorted(sections))}): give those of one")
+    (section,) = sections
+    commit = published.commit_to_name(parser, PAGE, section, asked.publish)
     from benchmarks.blind.report import markdown
 
-    text = "\n\n".join(map(markdown, tables(pairs_of(asked.folder, asked.before), asked.called)))
+    pairs = [pair for folder in asked.folders for pair in pairs_of(folder, folder / asked.before)]
+    text = "\n\n".join(map(markdown, tables(pairs, asked.called, KINDS[section])))
     print(text)
     if asked.publish:
-        command = f"python -m benchmarks.blind.paired {asked.folder.name} --called {asked.called}"
-        published.publish(PAGE, SECTION, text, command, commit)
+        names = " ".join(folder.name for folder in asked.folders)
+        command = f"python -m benchmarks.blind.paired {names} --called {asked.called}"
+        published.publish(PAGE, section, text, command, commit)
 
 
 if __name__ == "__main__":

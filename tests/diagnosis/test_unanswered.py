@@ -10,6 +10,7 @@ import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
+from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -241,7 +242,7 @@ def suspects(log):
     """Channels that may be of another source, the likeliest first."""
     heavy = load_vehicle("bluerov2_heavy")
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
-    return find_other_source(log, problem, SETTINGS)
+    return find_other_source(log, problem, Explanation(), SETTINGS)
 
 
 def test_the_thrust_does_not_show_in_a_channel_of_another_dive():

@@ -76,7 +76,7 @@ def _unless_of_another_source(
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
-    for suspect in find_other_source(log, found.problem, settings):
+    for suspect in find_other_source(log, found.problem, found.follow.explanation, settings):
         if set(suspect.channels) >= set(log.axes):
             return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])

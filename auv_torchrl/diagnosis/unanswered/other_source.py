@@ -18,6 +18,7 @@ from auv_torchrl.diagnosis.axes import hold_attitude
 from auv_torchrl.diagnosis.identify.before_effects import follow_agreeing
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
+from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_does
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -56,15 +57,16 @@ class Suspect:
         return channels_of(self.stretches)
 
 
-def find_other_source(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Suspect, ...]:
+def find_other_source(log: FlightLog, problem: Problem, sensor: Explanation, settings: Settings) -> tuple[Suspect, ...]:
     """Channels that may be of another source, the likeliest first.
 
     Args:
         log: with held-out flight.
         problem: with the vehicle as the file or healthy flights know it.
+        sensor: the change of a sensor under which the log was followed, or none.
         settings: of the diagnosis.
     """
-    own, follow = _followed(log, problem, settings)
+    own, follow = follow_windows(_cut(log, problem, settings), sensor)
     return (*_contradicted(own), *_unmoved(own, follow))
 
 
@@ -121,15 +123,16 @@ def share_of_held(log: FlightLog, vehicle: Vehicle, settings: Settings) -> float
 def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:
     """Whether a log leaves nothing to explain of the vehicle of a problem; not, where too little is left of it."""
     try:
-        own, follow = _followed(log, problem, settings)
+        own, follow = follow_windows(_cut(log, problem, settings))
     except FlightLogError:
         return False
     return nuisance_does(own, fit_by_simulation(own, Explanation(), follow))
 
 
-def _followed(log: FlightLog, problem: Problem, settings: Settings) -> tuple[Problem, WindowPath]:
+def _cut(log: FlightLog, problem: Problem, settings: Settings) -> Problem:
+    """The problem of another log of the same vehicle."""
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
-    return follow_agreeing(Problem.of(windows, problem.vehicle, settings, problem.known))
+    return Problem.of(windows, problem.vehicle, settings, problem.known)
 
 
 def blamed(false: Sequence[Stillness]) -> tuple[Stillness, ...]:
