@@ -4,7 +4,7 @@
 conf/calibrate.yaml. Where the package is installed, the command ``auv-calibrate`` is the same.
 """
 
-from auv_torchrl.diagnosis.calibrate.command import main
+from auv_torchrl.diagnosis.command.calibrate import main
 
 if __name__ == "__main__":
     main()

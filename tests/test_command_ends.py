@@ -21,9 +21,9 @@ from auv_torchrl.command.arguments import quote_files, refuse_unknown_keys
 from auv_torchrl.command.compose import compose
 from auv_torchrl.command.errors import CANNOT_WRITE, CannotWrite, writing
 from auv_torchrl.command.terminal import spell_signs
-from auv_torchrl.diagnosis import request
+from auv_torchrl.diagnosis.command import request
+from auv_torchrl.diagnosis.command.schema import SCHEMAS
 from auv_torchrl.diagnosis.report import write_files
-from auv_torchrl.diagnosis.schema import SCHEMAS
 from auv_torchrl.experiment.run import STORE
 from auv_torchrl.flightlog import FlightLog
 from auv_torchrl.hydra_command import callback
@@ -173,7 +173,7 @@ def test_a_policy_store_on_a_full_disk_ends_training_as_any_full_disk_does(train
 
 def test_a_full_disk_keeps_the_verdict_and_the_same_diagnosis_goes_on(monkeypatch, capsys, caplog, tmp_path):
     """diagnose.py says what it found before it writes; half a file does not stay."""
-    from auv_torchrl.diagnosis import job
+    from auv_torchrl.diagnosis.command import diagnose_job as job
     from auv_torchrl.monitoring import command as diagnose
 
     caplog.set_level(logging.INFO)

@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from auv_torchrl.command.compose import compose
 from auv_torchrl.command.errors import BadInput
 from auv_torchrl.command.overrides import OverrideError, read_override
-from auv_torchrl.diagnosis import schema as diagnosis_schema
+from auv_torchrl.diagnosis.command import schema as diagnosis_schema
 from auv_torchrl.export import schema as export_schema
 from auv_torchrl.fly import schema as fly_schema
 from auv_torchrl.hydra_command.config_source import check_config_files

@@ -17,9 +17,12 @@ from auv_torchrl.paths import CONF, PROJECT
 HEAVY = {"torch", "torchrl", "tensordict", "mujoco", "dm_control", "pandas", "pyarrow", "scipy", "matplotlib", "rerun"}
 LIGHT = {"numpy", "omegaconf", "hydra", "antlr4", "jinja2", "logging"}  # what --help of a plain command does without
 TRAIN, DIAGNOSE, CALIBRATE, LOG, SIM, EXPORT, FLY, PAGE = (
-    f"auv_torchrl.{part}.command"
-    for part in ("experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export", "fly", "page")
-)
+    f"auv_torchrl.{module}"
+    for module in (
+        "experiment.command", "monitoring.command", "diagnosis.command.calibrate", "flightlog.command", "link.command",
+        "export.command", "fly.command", "page.command",
+    )
+)  # fmt: skip
 CALL = """
 import json, sys
 from importlib import import_module
@@ -63,8 +66,8 @@ LATE = {"scipy.linalg", "scipy.optimize", "scipy.special", "scipy.stats", "scipy
         "jinja2", "joblib", "llvmlite"}  # fmt: skip
 WORK = {  # by module that a command works with, what it imports of these nevertheless
     "auv_torchrl.flightlog.job": set(),
-    "auv_torchrl.diagnosis.job": set(),
-    "auv_torchrl.diagnosis.calibrate.job": set(),
+    "auv_torchrl.diagnosis.command.diagnose_job": set(),
+    "auv_torchrl.diagnosis.command.calibrate_job": set(),
     "auv_torchrl.monitoring.dive_job": set(),
     "auv_torchrl.monitoring.repeated_runs": set(),
     "auv_torchrl.link.job": set(),
@@ -186,8 +189,9 @@ except SystemExit as ended:
     print(json.dumps([ended.code, sys.stderr.getvalue()]))
 """
 UNTRAINED = (
-    "monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.job", "link.job", "fly.job",
-    "diagnosis.calibrate.job", "flightlog.job", "sensors", "simulator", "authority", "scenario", "sysid",
+    "monitoring.command", "monitoring.dive_job", "monitoring.repeated_runs", "diagnosis.command.diagnose_job",
+    "diagnosis.command.calibrate_job", "link.job", "fly.job", "flightlog.job", "sensors",
+    "simulator", "authority", "scenario", "sysid",
 )  # fmt: skip
 OF_TRAINING = (
     "torch", "tensordict", "torchrl", "gymnasium", "mujoco", "dm_control", "rerun", "pandas", "pyarrow", "matplotlib",
@@ -232,7 +236,7 @@ def test_a_diagnosis_imports_nothing_of_training_where_it_is_installed():
     """Not even what is there: the gradient of the physics is compiled, and vehicles are numpy's."""
     code = """
 import json, sys
-import auv_torchrl.diagnosis.job
+import auv_torchrl.diagnosis.command.diagnose_job
 print(json.dumps(sorted(sys.modules)))
 """
     modules = set(printed(code))

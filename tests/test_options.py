@@ -9,7 +9,7 @@ import pytest
 from auv_torchrl.command import BadInput
 from auv_torchrl.command.completion import SCRIPTS, candidates
 from auv_torchrl.command.entry import help_of
-from auv_torchrl.diagnosis.calibrate import command as calibrate
+from auv_torchrl.diagnosis.command import calibrate
 from auv_torchrl.export import command as export
 from auv_torchrl.flightlog import command as flightlog
 from auv_torchrl.flightlog.command import _parsed

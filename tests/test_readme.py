@@ -11,7 +11,7 @@ from hydra import compose as compose_by_hydra
 from hydra import initialize_config_dir
 
 from auv_torchrl.command.compose import compose
-from auv_torchrl.diagnosis.calibrate import command as calibrate
+from auv_torchrl.diagnosis.command import calibrate
 from auv_torchrl.experiment import schema
 from auv_torchrl.export import command as export
 from auv_torchrl.flightlog.command import _parsed

@@ -16,8 +16,8 @@ from auv_torchrl.adaptation import AdaptationConfig, load_adaptation_config
 from auv_torchrl.agents.config import AGENTS, FineTuning, load_agent_config
 from auv_torchrl.compensation.excitation import Excitation
 from auv_torchrl.ddr.config import AdapterConfig
+from auv_torchrl.diagnosis.command.request import read_settings
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.request import read_settings
 from auv_torchrl.experiment import schema
 from auv_torchrl.experiment.flight_config import FlightConfig
 from auv_torchrl.experiment.setup import read_experiment

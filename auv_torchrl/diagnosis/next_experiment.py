@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_torchrl.diagnosis.conclude.summary import suspects
 from auv_torchrl.diagnosis.identify.equivalence import alternatives
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.thresholds import FAULT_KNOWN
 from auv_torchrl.diagnosis.verdict import NextExperiment, Verdict, Where
 from auv_torchrl.flightlog.log import ANGLES

@@ -6,14 +6,11 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches
-from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
-from auv_torchrl.diagnosis.conclusion import Causes, Conclusion, conclude, name_located, weigh_causes
-from auv_torchrl.diagnosis.decision import cannot_tell, decide
-from auv_torchrl.diagnosis.doubt import behind_doubts, unless_shared
-from auv_torchrl.diagnosis.explain import Explained, Given, explain_log, rests_on
-from auv_torchrl.diagnosis.findings import (
+from auv_torchrl.diagnosis.conclude.conclusion import Causes, Conclusion, conclude, name_located, weigh_causes
+from auv_torchrl.diagnosis.conclude.decision import cannot_tell, decide
+from auv_torchrl.diagnosis.conclude.findings import (
     configured,
     noise_finding,
     outlier_findings,
@@ -21,6 +18,9 @@ from auv_torchrl.diagnosis.findings import (
     volts_findings,
     with_configuration,
 )
+from auv_torchrl.diagnosis.conclude.summary import headline_of, summarise
+from auv_torchrl.diagnosis.doubt import behind_doubts, unless_shared
+from auv_torchrl.diagnosis.explain import Explained, Given, explain_log, rests_on
 from auv_torchrl.diagnosis.identify.equivalence import indistinguishable
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, load_settings
 from auv_torchrl.diagnosis.identify.posterior import detectable_sizes, hidden_members, with_more_flights
@@ -29,9 +29,9 @@ from auv_torchrl.diagnosis.lengths import check_lengths, share_findings, split, 
 from auv_torchrl.diagnosis.localize.attribute import input_mappable
 from auv_torchrl.diagnosis.localize.locate import locate
 from auv_torchrl.diagnosis.next_experiment import choose_experiment
-from auv_torchrl.diagnosis.summary import headline_of, summarise
 from auv_torchrl.diagnosis.unanswered.both_readings import weigh_readings
 from auv_torchrl.diagnosis.validate.confirm import confirm, is_possible, not_confirmed
+from auv_torchrl.diagnosis.validate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.validate.predict import held_out_windows
 from auv_torchrl.diagnosis.validate.veto import shortfalls, vetoes
 from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Overview, Verdict, Where

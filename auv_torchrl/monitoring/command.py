@@ -17,7 +17,7 @@ LINE = CommandLine("diagnose", FILES, bare="log", words=("example",))
 
 def schemas() -> Mapping[str, type]:
     """The types of its settings."""
-    from auv_torchrl.diagnosis.schema import SCHEMAS
+    from auv_torchrl.diagnosis.command.schema import SCHEMAS
 
     return SCHEMAS
 
@@ -26,7 +26,7 @@ def schemas() -> Mapping[str, type]:
 def main(config: "DictConfig", run: Run) -> None:
     """Diagnose the logs that are named, once it is sure that they are there."""
     # here, not above: --help needs none of these, and a mistaken command line neither physics nor scipy
-    from auv_torchrl.diagnosis.logs import find_logs, is_series
+    from auv_torchrl.diagnosis.command.logs import find_logs, is_series
 
     with checking_input():
         found = find_logs(config)
@@ -37,7 +37,7 @@ def main(config: "DictConfig", run: Run) -> None:
     elif is_series(config):
         from auv_torchrl.monitoring.dive_job import answer_dives as answer
     else:
-        from auv_torchrl.diagnosis.job import answer
+        from auv_torchrl.diagnosis.command.diagnose_job import answer
 
     answer(config, run)
 

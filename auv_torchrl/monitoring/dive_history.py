@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_torchrl.diagnosis.logs import BESIDES
+from auv_torchrl.diagnosis.command.logs import BESIDES
 from auv_torchrl.diagnosis.report.wording import sentence
 from auv_torchrl.diagnosis.thresholds import LIKELY, Z95
 from auv_torchrl.diagnosis.verdict import how_sure

@@ -8,9 +8,9 @@ from omegaconf import DictConfig
 
 from auv_torchrl.command import Run, checking_input
 from auv_torchrl.diagnosis.calibrate.parameters import read_uncertainty
-from auv_torchrl.diagnosis.logs import find_logs, names, no_logs
+from auv_torchrl.diagnosis.command.logs import find_logs, names, no_logs
+from auv_torchrl.diagnosis.command.request import plain_config, read_settings
 from auv_torchrl.diagnosis.plain import plain, write_json
-from auv_torchrl.diagnosis.request import plain_config, read_settings
 from auv_torchrl.files import write_text
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.flightlog.streams.options import read_options

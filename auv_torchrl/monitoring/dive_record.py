@@ -10,7 +10,6 @@ from threadpoolctl import threadpool_limits
 from auv_torchrl.diagnosis.axes import followable, hold_attitude, is_hidden
 from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate, calibrate_free
 from auv_torchrl.diagnosis.calibrate.flights import FlightInformation
-from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
@@ -20,6 +19,7 @@ from auv_torchrl.diagnosis.identify.paths import nuisance_now
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats
+from auv_torchrl.diagnosis.validate.healthy_flights import check_healthy_flight
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, FlightLog, join
 from auv_torchrl.vehicle import Vehicle

@@ -11,9 +11,9 @@ from omegaconf import DictConfig
 from threadpoolctl import threadpool_limits
 
 from auv_torchrl.command import Run, checking_input
+from auv_torchrl.diagnosis.command.request import read_request
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.plain import plain, write_json
-from auv_torchrl.diagnosis.request import read_request
 from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.diagnosis.verdict import Estimate, Verdict, how_sure
 from auv_torchrl.effects import EFFECTS

@@ -10,7 +10,7 @@ from auv_torchrl.page.store import Job, JobKind, JobState, LogEntry, LogState, S
 from auv_torchrl.paths import config_names
 from auv_torchrl.quantities import counted
 
-DIAGNOSE, CALIBRATE = "auv_torchrl.monitoring.command", "auv_torchrl.diagnosis.calibrate.command"
+DIAGNOSE, CALIBRATE = "auv_torchrl.monitoring.command", "auv_torchrl.diagnosis.command.calibrate"
 REPORT = {JobKind.DIAGNOSIS: "report.html", JobKind.HISTORY: "dives.html", JobKind.CALIBRATION: ""}
 CALIBRATED = "calibrated_"  # how vehicles are called that a calibration made; its job follows
 MOST_WAITING = 100  # jobs

@@ -90,7 +90,7 @@ PARTS = {
     "measure_noise": Part(
         "noise measured again", ("identify.search:measure_noise", "calibrate.calibration:measure_noise"), given(0)
     ),
-    "as_sure": Part("nuisance as wide as the log shows", ("decision:as_sure",), _as_fitted),
+    "as_sure": Part("nuisance as wide as the log shows", ("conclude.decision:as_sure",), _as_fitted),
     "worse": Part("the veto of held-out flight", ("explain:worse",), always(())),
     "weigh_readings": Part(
         "channels that do not answer",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from auv_torchrl.diagnosis import Diagnosis
-from auv_torchrl.diagnosis.findings import to_change
+from auv_torchrl.diagnosis.conclude.findings import to_change
 from benchmarks.trial.cases import Effects
 
 _TRIMMED = {"buoyancy": "force"}  # effects that are undone by as much as the answer says, not as much as there is

@@ -8,7 +8,7 @@ from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.axes import examined, followable, restricted, steep_stretches, unseen
-from auv_torchrl.diagnosis.findings import noise_finding
+from auv_torchrl.diagnosis.conclude.findings import noise_finding
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem

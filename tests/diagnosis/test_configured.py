@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from auv_torchrl.diagnosis.findings import configured, set_wrong, to_change, with_configuration
+from auv_torchrl.diagnosis.conclude.findings import configured, set_wrong, to_change, with_configuration
 from auv_torchrl.diagnosis.report.files import write_files
 from auv_torchrl.diagnosis.report.page import report_page
 from auv_torchrl.diagnosis.report.wording import to_do

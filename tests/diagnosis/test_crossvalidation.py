@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from auv_torchrl.diagnosis.calibrate.calibration import calibrate, leave_out
-from auv_torchrl.diagnosis.calibrate.healthy_flights import (
+from auv_torchrl.diagnosis.command.calibrate_job import flight_lines, no_better_lines, refusal
+from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.validate.healthy_flights import (
     FlightCheck,
     calibrate_without_odd_flights,
     find_odd_flight,
@@ -14,8 +16,6 @@ from auv_torchrl.diagnosis.calibrate.healthy_flights import (
     pool_errors,
     reason_against,
 )
-from auv_torchrl.diagnosis.calibrate.job import flight_lines, no_better_lines, refusal
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import Errors
 from tests.diagnosis.healthy_flights import FAULT, FILE, flown
 

@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 import pytest
 import yaml
 
+from auv_torchrl.diagnosis.command.request import read_settings
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings, make_candidates, nuisance_parameters
-from auv_torchrl.diagnosis.request import read_settings
 from auv_torchrl.effects import EFFECTS, Effect
 from auv_torchrl.effects.trial import Trial
 from auv_torchrl.paths import CONF, OWN

@@ -12,8 +12,8 @@ import yaml
 from omegaconf import OmegaConf
 
 from auv_torchrl.command import BAD_INPUT
-from auv_torchrl.diagnosis.logs import names
-from auv_torchrl.diagnosis.request import refuse_copies
+from auv_torchrl.diagnosis.command.logs import names
+from auv_torchrl.diagnosis.command.request import refuse_copies
 from auv_torchrl.diagnosis.verdict import from_json
 from auv_torchrl.flightlog import FlightLogError, write_flightlog
 from auv_torchrl.paths import PROJECT

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import diagnose
-from auv_torchrl.diagnosis.findings import to_change
+from auv_torchrl.diagnosis.conclude.findings import to_change
+from auv_torchrl.diagnosis.conclude.summary import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.report.wording import SOUND_DIVE, either, rows, sentence, to_do
-from auv_torchrl.diagnosis.summary import MOST_WORDS, headline_of
 from auv_torchrl.diagnosis.unanswered.wording import STILL
 from auv_torchrl.diagnosis.verdict import FLOOR_ASSUMED, Estimate, FoundEffect, Intermittence, Verdict
 from auv_torchrl.effects import EFFECTS

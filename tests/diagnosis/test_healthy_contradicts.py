@@ -7,9 +7,9 @@ import pytest
 
 from auv_torchrl.diagnosis.axes import hold_attitude
 from auv_torchrl.diagnosis.calibrate.calibration import calibrate_by_prediction
-from auv_torchrl.diagnosis.calibrate.healthy_flights import check_healthy_flight
 from auv_torchrl.diagnosis.doubt import unless_shared
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
+from auv_torchrl.diagnosis.validate.healthy_flights import check_healthy_flight
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, VELOCITY, join
 from auv_torchrl.flightlog.frames import check_frames

@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis import decision
-from auv_torchrl.diagnosis.decision import found_effects, is_ordinary
+from auv_torchrl.diagnosis.conclude import decision
+from auv_torchrl.diagnosis.conclude.decision import found_effects, is_ordinary
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.thresholds import MODEL_ERROR, Z95
 from auv_torchrl.diagnosis.validate import veto

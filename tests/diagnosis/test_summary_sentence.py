@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from auv_torchrl.diagnosis.summary import NO_FAULT, SOUND, summarise
+from auv_torchrl.diagnosis.conclude.summary import NO_FAULT, SOUND, summarise
 from auv_torchrl.diagnosis.verdict import Verdict, Where
 from tests.diagnosis.example import example
 

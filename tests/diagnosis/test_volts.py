@@ -8,7 +8,7 @@ import torch
 from flown_logs import fly, hold
 
 from auv_torchrl.diagnosis import Verdict, diagnose
-from auv_torchrl.diagnosis.findings import volts_findings
+from auv_torchrl.diagnosis.conclude.findings import volts_findings
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.validate.confirm import confirm
 from auv_torchrl.diagnosis.validate.predict import errors_by_kind, predict

@@ -9,7 +9,7 @@ import zipfile
 
 import pytest
 
-from auv_torchrl.diagnosis.logs import _inside
+from auv_torchrl.diagnosis.command.logs import _inside
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
 from auv_torchrl.flightlog.readers import packed_log, read_log

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from auv_torchrl.diagnosis.command.logs import is_series, logs_of
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.logs import is_series, logs_of
 from auv_torchrl.flightlog import write_flightlog
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.streams.configuration import changed_in_flight

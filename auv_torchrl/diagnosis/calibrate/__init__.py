@@ -11,9 +11,8 @@ Read the modules in this order:
 2. ``scale_ambiguity``: which changes of the numbers no motion tells.
 3. ``output_error``: coefficients are fitted to windows that are simulated from their commands alone.
 4. ``flights``: what several flights share, how they differ, and which disturbance they show.
-5. ``correction``: without healthy flights, a file that is a guess is corrected on the log itself.
+5. ``standing_out``, ``correction``: without healthy flights, a file that is a guess is corrected on the log, and a
+   thruster that departs from the others is none of the corrections.
 6. ``calibration``: the healthy vehicle, from a first fit of all flights to the prior of the search.
-7. ``healthy_flights``: which flights may serve as healthy ones, each by itself and against the others.
-8. ``vehicle_file``: a calibration as a vehicle file, and back.
-9. ``job`` and ``command``: what ``auv-calibrate`` does, and how it is called.
+7. ``vehicle_file``: a calibration as a vehicle file, and back.
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_torchrl.diagnosis.findings import to_change
+from auv_torchrl.diagnosis.conclude.findings import to_change
 from auv_torchrl.diagnosis.scenario_file import alternatives_yaml, randomization_yaml, scenario_yaml
 from auv_torchrl.diagnosis.verdict import Diagnosis, Window, to_json
 from auv_torchrl.extras import command, is_installed

@@ -9,7 +9,8 @@ from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from auv_torchrl import __version__
-from auv_torchrl.diagnosis.findings import set_wrong, to_change
+from auv_torchrl.diagnosis.conclude.findings import set_wrong, to_change
+from auv_torchrl.diagnosis.conclude.summary import suspects
 from auv_torchrl.diagnosis.localize.wording import does_otherwise, seen_to_do
 from auv_torchrl.diagnosis.report.charts import curves, horizons, interval, shares, thrusts
 from auv_torchrl.diagnosis.report.dive import dive
@@ -24,7 +25,6 @@ from auv_torchrl.diagnosis.report.wording import (
     shown,
     to_do,
 )
-from auv_torchrl.diagnosis.summary import suspects
 from auv_torchrl.diagnosis.unanswered.wording import is_all, not_answering
 from auv_torchrl.diagnosis.verdict import Diagnosis, Errors, FoundEffect, Verdict, Where, Window
 from auv_torchrl.effects import EFFECTS, Origin

@@ -6,9 +6,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from auv_torchrl.diagnosis.findings import set_wrong
+from auv_torchrl.diagnosis.conclude.findings import set_wrong
+from auv_torchrl.diagnosis.conclude.summary import SUSPECT, suspects
 from auv_torchrl.diagnosis.localize.wording import does_otherwise
-from auv_torchrl.diagnosis.summary import SUSPECT, suspects
 from auv_torchrl.diagnosis.unanswered.wording import not_answering
 from auv_torchrl.diagnosis.verdict import (
     FLOOR_ASSUMED,

@@ -16,7 +16,7 @@ NO_LOG = "no healthy log: give healthy=[a.csv,b.csv], flights of the vehicle whi
 
 def schemas() -> Mapping[str, type]:
     """The types of its settings."""
-    from auv_torchrl.diagnosis.schema import SCHEMAS
+    from auv_torchrl.diagnosis.command.schema import SCHEMAS
 
     return SCHEMAS
 
@@ -26,7 +26,9 @@ def main(config: "DictConfig", run: Run) -> None:
     """Calibrate on the logs that are named, once it is sure that they are there and the file can be written."""
     with checking_input():
         logs, output = find_healthy(config), find_output(config)
-    from auv_torchrl.diagnosis.calibrate.job import calibrate_to_file  # here, not above: --help needs nothing of it
+    from auv_torchrl.diagnosis.command.calibrate_job import (
+        calibrate_to_file,  # here, not above: --help needs nothing of it
+    )
 
     calibrate_to_file(config, logs, output)
 
@@ -37,7 +39,7 @@ def find_healthy(config: "DictConfig") -> tuple[Path, ...]:
     Raises:
         ValueError: if there is none, one twice, or one that cannot be read, is empty, or is not what its name says.
     """
-    from auv_torchrl.diagnosis.logs import names  # here, not above: --help needs nothing of it
+    from auv_torchrl.diagnosis.command.logs import names  # here, not above: --help needs nothing of it
     from auv_torchrl.flightlog.readers import READERS, choose_reader
 
     found = tuple(Path(name) for name in names(config, "healthy"))

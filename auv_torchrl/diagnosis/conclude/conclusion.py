@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from auv_torchrl.diagnosis.decision import found_effects
+from auv_torchrl.diagnosis.conclude.decision import found_effects
+from auv_torchrl.diagnosis.conclude.summary import FILE_OFF
 from auv_torchrl.diagnosis.doubt import (
     BELIEVED,
     bounded,
@@ -18,7 +19,6 @@ from auv_torchrl.diagnosis.identify.posterior import SOMETHING_UNKNOWN, alternat
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.wording import does_otherwise
 from auv_torchrl.diagnosis.log_search import judge
-from auv_torchrl.diagnosis.summary import FILE_OFF
 from auv_torchrl.diagnosis.validate.predict import closed_share, measure_gap
 from auv_torchrl.diagnosis.validate.veto import falls_short
 from auv_torchrl.diagnosis.verdict import Alternative, FoundEffect, Gap, Verdict, Where

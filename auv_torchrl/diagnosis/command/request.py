@@ -13,8 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, read_uncertainty
 from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration, read_calibration
+from auv_torchrl.diagnosis.command.logs import KINDS, find_logs, names
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.logs import KINDS, find_logs, names
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import Parameter
 from auv_torchrl.effects.trial import Scan

@@ -15,7 +15,13 @@ from auv_torchrl import __version__
 from auv_torchrl.command import BadInput, checking_input
 from auv_torchrl.command.errors import one_line
 from auv_torchrl.diagnosis.calibrate.calibration import Calibration, calibrate_attitude
-from auv_torchrl.diagnosis.calibrate.healthy_flights import (
+from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, read_uncertainty
+from auv_torchrl.diagnosis.calibrate.vehicle_file import vehicle_yaml
+from auv_torchrl.diagnosis.command.logs import names
+from auv_torchrl.diagnosis.command.request import plain_config, read_settings, report_findings
+from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.lengths import check_lengths, split
+from auv_torchrl.diagnosis.validate.healthy_flights import (
     FlightCheck,
     calibrate_without_odd_flights,
     check_flight,
@@ -24,12 +30,6 @@ from auv_torchrl.diagnosis.calibrate.healthy_flights import (
     pool_errors,
     reason_against,
 )
-from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, read_uncertainty
-from auv_torchrl.diagnosis.calibrate.vehicle_file import vehicle_yaml
-from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.lengths import check_lengths, split
-from auv_torchrl.diagnosis.logs import names
-from auv_torchrl.diagnosis.request import plain_config, read_settings, report_findings
 from auv_torchrl.diagnosis.verdict import Errors
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, FlightLogError, join, read_flightlog

@@ -5,9 +5,9 @@ import logging
 from omegaconf import DictConfig
 
 from auv_torchrl.command import Run, checking_input
+from auv_torchrl.diagnosis.command.request import read_request
 from auv_torchrl.diagnosis.pipeline import diagnose
 from auv_torchrl.diagnosis.report import decision_table, named_files, summary_table, write_files
-from auv_torchrl.diagnosis.request import read_request
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.progress import Progress
 
