@@ -102,7 +102,7 @@ SECTIONS = {
         _real("orca", (*_LOGS, "auv_torchrl/monitoring")),
         _real("saab", _LOGS),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
-        Section("ablation.md", "without", _DIAGNOSIS, SEALED, rows.of_without),
+        *(Section("ablation.md", name, _DIAGNOSIS, SEALED, rows.of_without) for name in ("without", "without_some")),
         Section("ablation.md", "paired", _DIAGNOSIS, SEALED, rows.of_paired),
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),
         *(

@@ -25,7 +25,8 @@ from benchmarks.blind.table import Table
 from benchmarks.published import RESULTS, commit_to_name, publish
 
 DIAGNOSIS = "auv_torchrl.diagnosis"
-PAGE, SECTION = RESULTS / "ablation.md", "without"
+PAGE = RESULTS / "ablation.md"
+SECTION, SOME = "without", "without_some"  # of all parts, and of those that --only names
 LOGS = 40  # of each folder: an answer is then a fortieth of them
 
 
@@ -81,12 +82,8 @@ PARTS = {
     "find_onset": Part("a change during the log", ("log_search:find_onset",), always(None)),
     "hints_of": Part("a level vehicle's explanations for one that tilts", ("log_search:hints_of",), always([])),
     "fitted_along": Part("values along the motion", ("identify.neighbours:Neighbourhood._fitted_along",), given(1)),
-    "exchanged": Part("an effect in place of another", ("identify.neighbours:Neighbourhood.exchanged",), always([])),
-    "merged": Part("one value for a family", ("identify.neighbours:Neighbourhood._merged",), always([])),
     "plugged": Part("the routing of all plugs", ("identify.neighbours:Neighbourhood._plugged",), always([])),
-    "without_small": Part("small effects left out", ("identify.search:_EffectSearch._without_small",), given(1)),
     "is_small": Part("small effects never the best", ("identify.search:_EffectSearch.is_small",), always(False)),
-    "named_plainly": Part("plainer names", ("identify.search:_EffectSearch._named_plainly",), given(1)),
     "measure_noise": Part(
         "noise measured again", ("identify.search:measure_noise", "calibrate.calibration:measure_noise"), given(0)
     ),
@@ -105,7 +102,8 @@ PARTS = {
     "hold_scale": Part("scales held", ("calibrate.calibration:hold_scale", "calibrate.flights:hold_scale"), given(0)),
 }
 
-DELETED = ("are_twins",)  # acted on few logs and changed no answer; the next run prints no row for it
+# They acted on few logs and changed no answer; the next run prints no rows for them.
+DELETED = ("are_twins", "exchanged", "merged", "named_plainly", "without_small")
 
 
 def leave_out(part: Part) -> None:
@@ -220,7 +218,8 @@ def main() -> None:
     asked = parser.parse_args()
     if unknown := set(asked.only or ()) - set(PARTS):
         parser.error(f"no parts: {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
-    commit = commit_to_name(parser, PAGE, SECTION, asked.publish)
+    section = SOME if asked.only else SECTION
+    commit = commit_to_name(parser, PAGE, section, asked.publish)
     from benchmarks.blind.report import markdown
 
     cases, changed = cases_of(asked.folders, asked.logs), {}
@@ -237,8 +236,9 @@ def main() -> None:
     text = markdown(table(changed, acting, len(cases)))
     print(text)
     if asked.publish:
-        given = " ".join(folder.name for folder in asked.folders)
-        publish(PAGE, SECTION, text, f"python -m benchmarks.blind.without {given} --logs {asked.logs}", commit)
+        given = " ".join(folder.name for folder in asked.folders) + f" --logs {asked.logs}"
+        given += f" --only {' '.join(asked.only)}" if asked.only else ""
+        publish(PAGE, section, text, f"python -m benchmarks.blind.without {given}", commit)
 
 
 if __name__ == "__main__":

@@ -68,6 +68,16 @@ def test_a_loose_plug_is_told_before_a_file_that_is_off():
     assert diagnosis.where.intermittence.thruster == label["drawn"]["thruster"]
 
 
+@pytest.mark.slow
+def test_beside_a_file_that_may_be_off_nothing_is_said_of_what_one_thruster_gives():
+    """The file is off by 30 %, and a thruster is stuck: where to look is told, and neither as a fact."""
+    log, label = flown("stuck", slack=0.3)
+    diagnosis = diagnose(log, HEAVY, uncertainty=load_uncertainty("bluerov2_heavy", HEAVY))
+    thruster = label["drawn"]["thruster"]
+    assert diagnosis.headline == f"The vehicle's file may be off; something unknown acts at thruster {thruster}."
+    assert diagnosis.where.thrust_map is None and not any(effect.probability > 0.5 for effect in diagnosis.effects)
+
+
 def test_a_thruster_that_wanders_is_not_said_to_come_and_go():
     """Its gain is anything between."""
     found, _ = moments("wandering")

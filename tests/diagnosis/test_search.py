@@ -77,18 +77,6 @@ def test_two_effects_are_found_though_a_third_fits_better_than_either_alone(valu
 
 
 @pytest.mark.thorough
-def test_a_limit_of_all_thrusters_is_found_beside_a_current():
-    """Limits of single thrusters can stand for what a current lacks, but one limit and the current say all of it."""
-    values = {"thrust_limit": {f"limit_{i}": 16.0 for i in range(1, 7)}, "current": {"north": 0.07, "east": 0.11}}
-    found = searched(problem_of(HELD, values, seed=2))
-    assert found == {
-        ("thrust_limit", "limit_1"): pytest.approx(16.0, rel=0.01),
-        ("current", "north"): pytest.approx(0.07, abs=0.002),
-        ("current", "east"): pytest.approx(0.11, abs=0.002),
-    }
-
-
-@pytest.mark.thorough
 def test_two_effects_are_found_though_they_tilt_the_vehicle_far():
     """Ballast and an offset centre of mass tilt a vehicle by 70 degrees, where a look along a level motion misleads."""
     values = {"mass_offset": {"x": 0.071, "y": 0.0074}, "buoyancy": {"force": -8.7}}
@@ -134,31 +122,6 @@ def test_further_effects_are_tried_though_slack_hides_that_one_is_needed():
     case = Case(52, "pair", effects=("buoyancy", "thruster_gain"), plant="foreign")
     ((log, _),) = sealed_flights([case], PAPER, 9001)
     assert {effect.name for effect in diagnose(log, PAPER).effects} == set(case.effects)
-
-
-@pytest.mark.thorough
-def test_what_two_effects_can_say_is_said_by_the_plainer_one():
-    """A payload of weight alone, found beside more inertia, is called buoyancy."""
-    values = {"buoyancy": {"force": 8.97}, "added_mass": {"scale_heave": 1.62}}
-    found = searched(problem_of(HELD, values, seed=1))
-    assert found == {
-        ("buoyancy", "force"): pytest.approx(8.97, rel=0.01),
-        ("added_mass", "scale_heave"): pytest.approx(1.62, rel=0.02),
-    }
-
-
-def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
-    """A limit below the dead band, of which no value fits better than another, is a thrust of zero with an interval."""
-    values = {"thrust_limit": {"limit_1": 1.5, "limit_2": 2.7}}
-    problem = problem_of(HELD, values, seed=3)
-    limits = Explanation(
-        tuple(Term("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
-    )
-    found = search(*follow_windows(problem), lambda *_: None, [limits], further=False)
-    dead = {(term.effect, term.members[0]): term.value for term in found.best.explanation.terms}
-    assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
-    assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
-    assert any(fit is found.best for fit in found.fits)
 
 
 @pytest.mark.thorough

@@ -36,7 +36,7 @@ class Conclusion:
     gap: Gap
     closed: float | None  # share of the gap that what was found closes; None where there is none
     short: bool  # what explains the log leaves too much of held-out flight
-    hedge: bool  # coefficients were corrected, and do not close the gap in every degree of freedom
+    hedge: bool  # coefficients were corrected, and something is left all the same
     unknown: float  # probability that something unknown acts, too
     doubted: tuple[Finding, ...]  # the findings that limit the verdict
 
@@ -53,7 +53,7 @@ def conclude(explained: Explained, numbers: tuple[int, ...], findings: Sequence[
     verdict = judge(found, corrected=corrected)
     closed = closed_share(predictions) if verdict is not Verdict.NO_GAP else None
     gap = measure_gap(predictions, numbers, closed)
-    hedge = corrected and not closes_everywhere(gap)
+    hedge = corrected and (verdict is not Verdict.EXPLAINED or not closes_everywhere(gap))
     short = verdict is Verdict.EXPLAINED and falls_short(predictions, closed)
     partly = verdict is Verdict.EXPLAINED and (short or hedge)
     if_sound, doubted = Verdict.PARTLY_EXPLAINED if partly else verdict, doubts(findings)

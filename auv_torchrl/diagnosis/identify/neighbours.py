@@ -1,7 +1,6 @@
 """Neighbours of an explanation: which there are, and what the reduced quadratic promises of each.
 
-A neighbour has one effect, or some values of an effect, more; some values or an effect less, or one value for a family;
-or another effect in place of one.
+A neighbour has one effect, or some values of an effect, more, or some values or an effect less.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import declared
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.routing import propose_routing
-from auv_torchrl.diagnosis.identify.screen import Field, moves_all
+from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     DOUBTED,
@@ -147,7 +146,6 @@ class Neighbourhood:
                 found[more] = self._without(more)
                 together = more if promise(found[more]) > here else together
         proposals = [found[together]] if len(together) > 1 else list(found.values())
-        proposals += self._merged()
         least = here - self.doubt
         likely = [one for one in proposals if promise(one) > least and not self.is_known(one)]
         return sorted(likely, key=promise, reverse=True)[:SIMULATED]
@@ -160,41 +158,10 @@ class Neighbourhood:
         how = f"without {_words(gone) if len(gone) < 3 else counted(len(gone), 'value')}"
         return self._fewer(smaller, rise, how)
 
-    def _merged(self) -> list[Proposal[Neighbour]]:
-        """With one value for all members of a family of which most have a value of their own."""
-        found, terms = [], self.best.explanation.terms
-        whole = [candidate for candidate in self.problem.candidates if moves_all(self.problem, candidate)]
-        for effect, members in dict.fromkeys((candidate.effect, tuple(candidate.values)) for candidate in whole):
-            own = [p for p, term in enumerate(terms) if term.effect == effect and set(term.members) < set(members)]
-            if 2 * len(own) <= len(members):
-                continue
-            shared = float(np.median([terms[place].value for place in own]))
-            moved, rise = held_at(self.problem, self.best, dict.fromkeys(own, shared))
-            others = tuple(term for place, term in enumerate(moved.terms) if place not in own)
-            one = Explanation((*others, Term(effect, members, shared)), moved.nuisance)
-            found.append(self._fewer(one, rise, f"with one value for all of {_words([effect])}"))
-        return found
-
     def _fewer(self, explanation: Explanation, rise: float, how: str) -> Proposal[Neighbour]:
         prior = self.problem.prior
         gain = prior.structure(explanation) - prior.structure(self.best.explanation) - 0.5 * rise
         return self._proposal(Neighbour(explanation, self.best.path), gain, self.best.chi2 + rise, how)
-
-    def exchanged(self) -> list[Proposal[Neighbour]]:
-        """With the likeliest other effect in place of one of several."""
-        effects, found = self.best.explanation.effects, []
-        for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
-            for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
-                what, added = Neighbour(one.explanation, self.best.path), set(one.explanation.effects) - set(effects)
-                if not added:
-                    continue
-                how = f"with {_words(added)} in place of {_words([effect])}"
-                proposal = self._proposal(what, one.evidence - self.best.evidence, one.chi2, how)
-                if not self.is_known(proposal):
-                    likely = promise(proposal) > self.here - self.doubt
-                    found.append(replace(proposal, simulate=likely))
-                break
-        return found
 
     def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
         misfit = chi2 / max(self.field.quadratic.numbers, 1)  # 0 where no force makes the vehicle follow any window

@@ -1,7 +1,7 @@
 """Which effects a log asks for: neighbours of an explanation, promised along the measured motion, fitted by simulation.
 
 The search itself is that of :mod:`auv_torchrl.sysid.search`. A neighbour has one effect, or one value of an effect,
-more; one less; or another effect in place of one. The reduced quadratic along the measured motion promises each
+more, or one less. The reduced quadratic along the measured motion promises each
 neighbour a log evidence, and those that promise most are simulated.
 """
 
@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.before_effects import follow_agreeing
-from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import (
     fit_by_simulation,
     fitted_on,
@@ -20,8 +20,7 @@ from auv_torchrl.diagnosis.identify.fit import (
     reassess,
     rescued,
 )
-from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
-from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, is_of_family, promise, weighed
+from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, promise, weighed
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_does, sizes
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
@@ -39,8 +38,6 @@ from auv_torchrl.diagnosis.thresholds import (
     SEARCHED_WINDOWS,
     SETTLED,
 )
-from auv_torchrl.effects import EFFECTS
-from auv_torchrl.quantities import words
 from auv_torchrl.sysid.search import Proposal, Search, Way
 from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
 
@@ -109,7 +106,7 @@ def search(
         follow: its measured motion.
         progress: called with each step in words and the share of the work behind it.
         begin: explanations that are simulated first.
-        further: whether effects are added and exchanged, too.
+        further: whether effects are added, too.
         unknown: what effects that are added must promise more than.
     """
     if len(problem.windows) <= MANY_WINDOWS:
@@ -144,7 +141,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
     def run(self, begin: Sequence[Explanation], further: bool) -> Found:
         """From no effect, or the best of those to begin with, to the best explanation."""
         self._progress("screening effects", 0.4)
-        self.ways = (Way.LARGER, Way.SMALLER, Way.EXCHANGED) if further else (Way.SMALLER,)
+        self.ways = (Way.LARGER, Way.SMALLER) if further else (Way.SMALLER,)
         best = self.note(self._without_effects(), "the beginning")
         own = [self._follow.explanation] if self._follow.explanation.effects else []
         for explanation in (*own, *(one for one in begin if one not in own)):
@@ -162,7 +159,6 @@ class _EffectSearch(Search[Neighbour, Fit]):
             best = self.settle(fitted) if outdone else self.climb(self.settle(fitted))
         if further and best.explanation.effects and leaves_much(self._problem, best):
             best = self._begun_elsewhere(best)
-        best = self._without_small(self._named_plainly(best))
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
         self._problem.freedoms.clear()
@@ -201,7 +197,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
             if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
                 self.fits[place] = one.set_aside()
         around = self._around(best, self.posterior(best))
-        return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
+        return around.larger() if way is Way.LARGER else around.smaller()
 
     def fit(self, proposal: Proposal[Neighbour], best: Fit) -> Fit:
         """See :meth:`Search.fit`; what comes near the best is fitted to the end before the two are compared."""
@@ -221,25 +217,6 @@ class _EffectSearch(Search[Neighbour, Fit]):
             return False
         sound = any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
         return sound and bool(_small(self._problem, fitted))
-
-    def _without_small(self, best: Fit) -> Fit:
-        """Without what does less than nuisance parameters do, where they do without: beside a fault that is no finding.
-
-        Healthy flights differ by as much among themselves: then it is none whatever is left without it.
-        """
-        small, members = _small(self._problem, best), _small_members(self._problem, best)
-        rest = tuple(t for t in best.explanation.terms if t.effect not in small and t.key not in members)
-        if not rest or len(rest) == len(best.explanation.terms):
-            return best
-        less = self._fitted(Neighbour(replace(best.explanation, terms=rest), best.path))
-        known = self._problem.known
-        differ = known is not None and not known.of_itself and not members
-        is_sound = differ or nuisance_does(self._problem, less)
-        if is_sound:
-            self.exchange(best, best, Outcome.SMALL)
-        gone = [*small, *(member for _, (member, *_) in members)]
-        self.note(less, f"without {words(' and '.join(gone))}", Outcome.STEP if is_sound else Outcome.NEEDED)
-        return less if is_sound else best
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
@@ -287,26 +264,6 @@ class _EffectSearch(Search[Neighbour, Fit]):
                 self.exchange(one, reassess(problem, one))
         return again
 
-    def _named_plainly(self, best: Fit) -> Fit:
-        """The same vehicle by plainer names, as a thrust limit of 0 is a gain of 0, less what these make needless."""
-        tried = {candidate.effect for candidate in self._problem.candidates}
-
-        def plainer(term: Term) -> Term:
-            values = ((member, term.value) for member in term.members)
-            known = plainer_names(EFFECTS[term.effect], best.path.vehicle, values, tried)
-            if known is None:
-                return term
-            return Term(known[0][0], tuple(member for _, member, _ in known), known[0][2])
-
-        terms = tuple(plainer(term) for term in best.explanation.terms)
-        if terms == best.explanation.terms:
-            return best
-        renamed = fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path)
-        self.exchange(best, renamed)
-        self._tried.clear()  # what is smaller was tried beside other names
-        self.ways = (Way.SMALLER,)
-        return self.climb(renamed)
-
 
 def _small(problem: Problem, fitted: Fit) -> list[str]:
     """Effects whose force is small beside that of nuisance parameters."""
@@ -314,12 +271,3 @@ def _small(problem: Problem, fitted: Fit) -> list[str]:
     each = [Explanation(tuple(term for term in terms if term.effect == effect)) for effect in effects]
     small = sizes(problem, each, fitted.path) < MINOR * problem.nuisance_size
     return [effect for effect, is_small in zip(effects, small, strict=True) if is_small]
-
-
-def _small_members(problem: Problem, fitted: Fit) -> list[tuple[str, tuple[str, ...]]]:
-    """Members of families, beside others of their effect, whose force is small likewise."""
-    terms = likeliest(problem, fitted).terms
-    several = [one for one in terms if sum(other.effect == one.effect for other in terms) > 1]
-    each = [Explanation((term,)) for term in several if is_of_family(problem, term)]
-    small = sizes(problem, each, fitted.path) < MINOR * problem.nuisance_size
-    return [one.terms[0].key for one, is_small in zip(each, small, strict=True) if is_small]
