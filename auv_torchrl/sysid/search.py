@@ -1,6 +1,6 @@
 """The search for the best hypothesis: from one to its best neighbour, until no neighbour is better.
 
-A neighbour has one change more (forward selection), or one less (backward elimination).
+A neighbour has one change more (forward selection), one less (backward elimination), or another change in place of one.
 Whoever searches says which neighbours there are, and fits them; this module compares them and keeps the trace.
 """
 
@@ -23,6 +23,7 @@ class Way(Enum):
 
     LARGER = Outcome.NO_GAIN
     SMALLER = Outcome.NEEDED
+    EXCHANGED = Outcome.BEATEN
 
 
 @dataclass(frozen=True)

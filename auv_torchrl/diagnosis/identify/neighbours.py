@@ -1,6 +1,7 @@
 """Neighbours of an explanation: which there are, and what the reduced quadratic promises of each.
 
-A neighbour has one effect, or some values of an effect, more, or some values or an effect less.
+A neighbour has one effect, or some values of an effect, more; some values or an effect less; or another effect in place
+of one.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -162,6 +163,22 @@ class Neighbourhood:
         prior = self.problem.prior
         gain = prior.structure(explanation) - prior.structure(self.best.explanation) - 0.5 * rise
         return self._proposal(Neighbour(explanation, self.best.path), gain, self.best.chi2 + rise, how)
+
+    def exchanged(self) -> list[Proposal[Neighbour]]:
+        """With the likeliest other effect in place of one of several."""
+        effects, found = self.best.explanation.effects, []
+        for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
+            for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
+                what, added = Neighbour(one.explanation, self.best.path), set(one.explanation.effects) - set(effects)
+                if not added:
+                    continue
+                how = f"with {_words(added)} in place of {_words([effect])}"
+                proposal = self._proposal(what, one.evidence - self.best.evidence, one.chi2, how)
+                if not self.is_known(proposal):
+                    likely = promise(proposal) > self.here - self.doubt
+                    found.append(replace(proposal, simulate=likely))
+                break
+        return found
 
     def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
         misfit = chi2 / max(self.field.quadratic.numbers, 1)  # 0 where no force makes the vehicle follow any window

@@ -1,7 +1,7 @@
 """Which effects a log asks for: neighbours of an explanation, promised along the measured motion, fitted by simulation.
 
 The search itself is that of :mod:`auv_torchrl.sysid.search`. A neighbour has one effect, or one value of an effect,
-more, or one less. The reduced quadratic along the measured motion promises each
+more; one less; or another effect in place of one. The reduced quadratic along the measured motion promises each
 neighbour a log evidence, and those that promise most are simulated.
 """
 
@@ -106,7 +106,7 @@ def search(
         follow: its measured motion.
         progress: called with each step in words and the share of the work behind it.
         begin: explanations that are simulated first.
-        further: whether effects are added, too.
+        further: whether effects are added and exchanged, too.
         unknown: what effects that are added must promise more than.
     """
     if len(problem.windows) <= MANY_WINDOWS:
@@ -141,7 +141,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
     def run(self, begin: Sequence[Explanation], further: bool) -> Found:
         """From no effect, or the best of those to begin with, to the best explanation."""
         self._progress("screening effects", 0.4)
-        self.ways = (Way.LARGER, Way.SMALLER) if further else (Way.SMALLER,)
+        self.ways = (Way.LARGER, Way.SMALLER, Way.EXCHANGED) if further else (Way.SMALLER,)
         best = self.note(self._without_effects(), "the beginning")
         own = [self._follow.explanation] if self._follow.explanation.effects else []
         for explanation in (*own, *(one for one in begin if one not in own)):
@@ -197,7 +197,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
             if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
                 self.fits[place] = one.set_aside()
         around = self._around(best, self.posterior(best))
-        return around.larger() if way is Way.LARGER else around.smaller()
+        return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
 
     def fit(self, proposal: Proposal[Neighbour], best: Fit) -> Fit:
         """See :meth:`Search.fit`; what comes near the best is fitted to the end before the two are compared."""
