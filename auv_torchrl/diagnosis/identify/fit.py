@@ -165,18 +165,18 @@ def fit_by_simulation(
 
     One that is still beyond a chi-square of ``enough`` when it was linearised again once is left at that.
     """
-    best = _descend(problem, path_under(problem, explanation, start), rounds)
+    best, gains = _descend(problem, path_under(problem, explanation, start), rounds)
     if not rounds:
         return replace(best, nuisance_responses=None)
     searched = search_thresholds(problem, best)
     if searched is not best:
-        best = _descend(problem, searched.path, rounds)
+        best, gains = _descend(problem, searched.path, rounds)
     # By a tilt or a speed that nobody measured, or by a motion that no force could follow.
     is_bent = problem.layout.moves_unseen or problem.layout.by_specific_force.any() or problem.hardly_followed
-    for turn in range(RELINEARISED if is_bent else 0):
+    for turn in range(RELINEARISED if is_bent or gains else 0):
         if best.nothing_left or not np.isfinite(best.chi2) or (turn and best.chi2 > enough):
             break
-        again = _descend(problem, path_under(problem, best.explanation, best.path), rounds)
+        again, _ = _descend(problem, path_under(problem, best.explanation, best.path), rounds)
         if not again.chi2 < best.chi2:
             break
         settled = best.chi2 - again.chi2 <= GAINS_AGAIN * again.chi2
@@ -232,14 +232,14 @@ def rescued(problem: Problem, fit: Fit, follow: WindowPath, enough: float = np.i
     return min(fit, again, key=lambda one: one.chi2)
 
 
-def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
-    """Gauss-Newton with a shrinking stride.
+def _descend(problem: Problem, path: WindowPath, rounds: int) -> tuple[Fit, bool]:
+    """Gauss-Newton with a shrinking stride, and whether its last round still gained much.
 
     Where a step fails, the nuisance parameters of thresholds stays from there on. Where the first one does because
     single windows diverge, they begin anew behind it.
     """
     best, *step = assess(problem, path)
-    stride, even = 1.0, bool(problem.even.all())
+    stride, even, gains = 1.0, bool(problem.even.all()), False
     for turn in range(rounds):
         if not np.isfinite(best.chi2):
             break
@@ -249,14 +249,14 @@ def _descend(problem: Problem, path: WindowPath, rounds: int) -> Fit:
         if turn == 0 and not _chi2(problem, there) <= best.chi2 and some_diverged(problem, best.path, there):
             there, before = path_under(problem, moved, best.path), None
         if not _chi2(problem, there) <= best.chi2 + 0.1:  # NaN where it diverges
-            stride, even = (0.3 * stride if even else stride), True
+            stride, even, gains = (0.3 * stride if even else stride), True, False
             continue
         trial, *trial_step = assess(problem, there, before=before)
-        settled = best.chi2 - trial.chi2 < 0.5
-        best, step = trial, trial_step
-        if settled:
+        gained = best.chi2 - trial.chi2
+        best, step, gains = trial, trial_step, gained > GAINS_AGAIN * trial.chi2
+        if gained < 0.5:
             break
-    return best
+    return best, gains
 
 
 def _chi2(problem: Problem, path: WindowPath) -> float:
