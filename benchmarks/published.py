@@ -103,7 +103,10 @@ SECTIONS = {
         _real("saab", _LOGS),
         Section("trial.md", "trial", (*_LOGS, "auv_torchrl/link"), SEALED, rows.of_trial),
         *(Section("ablation.md", name, _DIAGNOSIS, SEALED, rows.of_without) for name in ("without", "without_some")),
-        Section("ablation.md", "paired", _DIAGNOSIS, SEALED, rows.of_paired),
+        *(
+            Section("ablation.md", name, _DIAGNOSIS, SEALED, rows.of_paired)
+            for name in ("paired", "paired stock", "paired dvl", "paired strangers")
+        ),
         Section("ablation.md", "size", _READ, SEALED, rows.of_size),
         *(
             Section("owners.md", f"owners {sensors}", _DIAGNOSIS, SEALED, rows.of_owners)

@@ -63,12 +63,12 @@ def of_without(command: str) -> Labels:
 
 def of_paired(command: str) -> Labels:
     """Of two versions of the diagnosis; the command says how many logs there are."""
-    from benchmarks.blind.cases import FAMILIES
+    from benchmarks.blind.cases import FAMILIES, SET_FAMILIES
     from benchmarks.blind.paired import ALL, COUNTED, TIMES
 
     found = re.search(r"paired (\d+)_cases", command)
     cases = [f"case_{number:04d}" for number in range(1, int(found[1]) + 1)] if found else []
-    return _one([*FAMILIES, ALL, *COUNTED, TIMES, *cases])
+    return _one([*FAMILIES, *SET_FAMILIES, ALL, *COUNTED, TIMES, *cases])
 
 
 def of_size(command: str) -> Labels:

@@ -219,3 +219,4 @@ _SET_FAMILY = {
     "thruster": _faulty("thruster", THRUSTER), "load": _faulty("load", LOAD),
     "depth_bias": _faulty("depth_bias", [UNSEEN]), "no_gap": _no_gap, "no_gap_slack": _no_gap_slack,
 }  # fmt: skip
+SET_FAMILIES = tuple(_SET_FAMILY)  # of logs with a set of sensors

@@ -25,8 +25,7 @@ from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.blind.table import Z_95, Table
 from benchmarks.scoring import Score
 
-PAGE = PROJECT / "docs" / "results" / "ablation.md"
-KINDS = {"paired": "", **{f"paired {one}": one for one in ("stock", "dvl", "strangers")}}  # section -> kind of logs
+PAGE, SECTION = PROJECT / "docs" / "results" / "ablation.md", "paired"  # with the kind of logs, where they have one
 RIGHT = Score.RIGHT.name.lower()
 ALL, TIMES = "all", "CPU s, median / largest"  # rows
 COUNTED: dict[str, Callable[[Judgement], bool]] = {  # what must not become more, and when an answer is one
@@ -65,11 +64,10 @@ def pairs_of(folder: Path, before: Path) -> list[Pair]:
     return [Pair(*(judge(name, label, each[name], vehicle) for each in answers)) for name, label in labels.items()]
 
 
-def section_of(folder: Path) -> str:
-    """The section that the logs of a folder belong into: by their sensors, or strangers."""
+def kind_of(folder: Path) -> str:
+    """What kind of logs a folder holds: of which sensors, or of strangers; nothing for the main part."""
     settings = read_manifest(folder)["settings"]
-    kind = "strangers" if settings.get("strangers") else settings.get("sensors") or ""
-    return next(section for section, its in KINDS.items() if its == kind)
+    return "strangers" if settings.get("strangers") else settings.get("sensors") or ""
 
 
 def tables(pairs: Sequence[Pair], called: str, kind: str = "") -> list[Table]:
@@ -126,18 +124,18 @@ def main() -> None:
     parser.add_argument("--called", default="before", help="what that version is called, e.g. its commit")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.relative_to(PROJECT)}")
     asked = parser.parse_args()
-    sections = {section_of(folder) for folder in asked.folders}
-    if len(sections) > 1:
-        parser.error(f"the folders hold logs of several kinds ({', '.join(sorted(sections))}): give those of one")
-    (section,) = sections
+    kind, *others = {kind_of(folder) for folder in asked.folders}
+    if others:
+        parser.error(f"the folders hold logs of several kinds ({', '.join((kind, *others))}): give those of one")
+    section = f"{SECTION} {kind}".strip()
     commit = published.commit_to_name(parser, PAGE, section, asked.publish)
     from benchmarks.blind.report import markdown
 
     pairs = [pair for folder in asked.folders for pair in pairs_of(folder, folder / asked.before)]
-    text = "\n\n".join(map(markdown, tables(pairs, asked.called, KINDS[section])))
+    text = "\n\n".join(map(markdown, tables(pairs, asked.called, kind)))
     print(text)
     if asked.publish:
-        names = " ".join(folder.name for folder in asked.folders)
+        names = " ".join("/".join(folder.parts[-2 if kind else -1 :]) for folder in asked.folders)
         command = f"python -m benchmarks.blind.paired {names} --called {asked.called}"
         published.publish(PAGE, section, text, command, commit)
 

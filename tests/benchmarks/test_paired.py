@@ -1,11 +1,14 @@
 """Two versions of the diagnosis, log by log."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from benchmarks.blind.judge import Judgement
-from benchmarks.blind.paired import ALL, COUNTED, Pair, difference, tables
+from benchmarks.blind.paired import ALL, COUNTED, SECTION, Pair, difference, kind_of, tables
+from benchmarks.published import SECTIONS
 
 SOUND = Judgement(
     case="case_0001", family="no_gap", plant="mujoco", truth="no_gap", effects=(), outside=None, left_out=None,
@@ -35,3 +38,12 @@ def test_a_log_that_was_lost_is_told_with_both_answers():
     assert [row[1:3] for row in shares.rows if row[0] == ALL] == [("3/3", "2/3")]
     assert [row[1:] for row in counts.rows if row[0] == next(iter(COUNTED))] == [("0", "1")]
     assert [row[0] for row in changed.rows] == ["case_0002"] and "tether" in changed.rows[0][-1]
+
+
+@pytest.mark.parametrize(
+    ("asked", "kind"), [({}, ""), ({"sensors": "stock"}, "stock"), ({"strangers": 2}, "strangers")]
+)
+def test_logs_of_each_kind_have_a_table_of_their_own(asked, kind, tmp_path):
+    """By what their manifest says; each is among the published ones."""
+    (tmp_path / "manifest.json").write_text(json.dumps({"settings": {"cases": 2, "seed": 1, **asked}, "tasks": {}}))
+    assert kind_of(tmp_path) == kind and ("ablation.md", f"{SECTION} {kind}".strip()) in SECTIONS
