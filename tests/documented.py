@@ -13,8 +13,9 @@ from auv_torchrl.flightlog import command as log
 from auv_torchrl.page.command import parser
 
 MODULES = {
-    "auv-diagnose": "monitoring", "diagnose.py": "monitoring", "auv-calibrate": "diagnosis.calibrate",
-    "calibrate.py": "diagnosis.calibrate", "auv-export": "export", "auv-fly": "fly", "auv-sim": "link",
+    "auv-diagnose": "monitoring.command", "diagnose.py": "monitoring.command",
+    "auv-calibrate": "diagnosis.command.calibrate", "calibrate.py": "diagnosis.command.calibrate",
+    "auv-export": "export.command", "auv-fly": "fly.command", "auv-sim": "link.command",
 }  # fmt: skip
 PROGRAMS = (*MODULES, "auv-log", "auv-page")  # all but the training's, which Hydra reads
 FENCED = re.compile(r"^( *)```(?:bash|console|)\n(.*?)^\1```", re.S | re.M)
@@ -23,7 +24,7 @@ INLINE = re.compile(r"`([^`\n]+)`")
 
 def plain(program: str) -> ModuleType:
     """The module of a command with a plain command line."""
-    return import_module(f"auv_torchrl.{MODULES[program]}.command")
+    return import_module(f"auv_torchrl.{MODULES[program]}")
 
 
 def words_of(line: str) -> tuple[str, list[str]]:

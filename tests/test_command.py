@@ -154,11 +154,15 @@ def test_errors_of_the_program_itself_keep_their_traceback():
         raise ValueError("a\n  b")
 
 
-@pytest.mark.parametrize("part", ["experiment", "monitoring", "diagnosis.calibrate", "flightlog", "link", "export"])
-def test_every_command_tells_the_version_of_the_package(part, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    "module",
+    ["experiment.command", "monitoring.command", "diagnosis.command.calibrate", "flightlog.command", "link.command",
+     "export.command"],
+)  # fmt: skip
+def test_every_command_tells_the_version_of_the_package(module, monkeypatch, capsys):
     """Not that of Hydra, by which most of them read their command line."""
     monkeypatch.setattr(sys, "argv", ["auv", "--version"])
-    import_module(f"auv_torchrl.{part}.command").main()
+    import_module(f"auv_torchrl.{module}").main()
     assert capsys.readouterr().out == f"auv_torchrl {__version__}\n"
 
 

@@ -38,7 +38,7 @@ def run(tmp_path: Path) -> Run:
                 continue
             program, *words = shlex.split(line, comments=True)
             name = program.removeprefix(".venv/bin/")
-            module = f"auv_torchrl.{MODULES.get(name, 'flightlog')}.command"
+            module = f"auv_torchrl.{MODULES.get(name, 'flightlog.command')}"
             start = [program] if name == program else [sys.executable, *(() if name == "python" else ("-m", module))]
             done = subprocess.run([*start, *words], cwd=tmp_path, env=environment, capture_output=True, text=True)
             assert done.returncode == 0, f"{line}\n{done.stderr}"

@@ -39,11 +39,13 @@ def solve_semidefinite(H: Floats, right: Floats) -> Floats:
     different units do not make it singular: each is taken in units of its curvature.
     """
     potrf, potrs = _cholesky()
-    size = np.sqrt(np.maximum(np.diagonal(H), TINY))
-    factor, failed = potrf(H / size / size[:, None], lower=1, clean=0)
-    if not failed and len(H) and np.diagonal(factor).min() > SINGULAR**0.5:
-        units = size if right.ndim == 1 else size[:, None]
-        return potrs(factor, right / units, lower=1)[0] / units
+    curvature = np.diagonal(H)
+    if len(H) and curvature.min() > TINY:
+        size = np.sqrt(curvature)
+        factor, failed = potrf(H / size / size[:, None], lower=1, clean=0)
+        if not failed and np.diagonal(factor).min() > SINGULAR**0.5:
+            units = size if right.ndim == 1 else size[:, None]
+            return potrs(factor, right / units, lower=1)[0] / units
     return np.linalg.lstsq(H, right, rcond=SINGULAR)[0]
 
 
