@@ -124,9 +124,10 @@ def main() -> None:
     parser.add_argument("--called", default="before", help="what that version is called, e.g. its commit")
     parser.add_argument("--publish", action="store_true", help=f"write the tables into {PAGE.relative_to(PROJECT)}")
     asked = parser.parse_args()
-    kind, *others = {kind_of(folder) for folder in asked.folders}
+    kind, *others = sorted({kind_of(folder) for folder in asked.folders})
     if others:
-        parser.error(f"the folders hold logs of several kinds ({', '.join((kind, *others))}): give those of one")
+        kinds = ", ".join(one or "main" for one in (kind, *others))
+        parser.error(f"the folders hold logs of several kinds ({kinds}): give those of one")
     section = f"{SECTION} {kind}".strip()
     commit = published.commit_to_name(parser, PAGE, section, asked.publish)
     from benchmarks.blind.report import markdown

@@ -26,9 +26,8 @@ def main(config: "DictConfig", run: Run) -> None:
     """Calibrate on the logs that are named, once it is sure that they are there and the file can be written."""
     with checking_input():
         logs, output = find_healthy(config), find_output(config)
-    from auv_torchrl.diagnosis.command.calibrate_job import (
-        calibrate_to_file,  # here, not above: --help needs nothing of it
-    )
+    # here, not above: --help needs nothing of it
+    from auv_torchrl.diagnosis.command.calibrate_job import calibrate_to_file
 
     calibrate_to_file(config, logs, output)
 

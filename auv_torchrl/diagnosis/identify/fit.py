@@ -102,7 +102,7 @@ def walks(problem: Problem, fit: Fit, valley: Valley, steps: Floats) -> list[Exp
 def search_thresholds(problem: Problem, best: Fit) -> Fit:
     """Try values near by for effects that switch single samples, because there chi-square is rough.
 
-    The smooth numbers go along with each. Nuisance parameters of thresholds is tried too, however well the log is
+    The smooth numbers go along with each. Nuisance parameters of thresholds are tried too, however well the log is
     explained: fits that end at different ones are apart by more than an effect is worth.
     """
     if not np.isfinite(best.chi2):
@@ -235,7 +235,7 @@ def rescued(problem: Problem, fit: Fit, follow: WindowPath, enough: float = np.i
 def _descend(problem: Problem, path: WindowPath, rounds: int) -> tuple[Fit, bool]:
     """Gauss-Newton with a shrinking stride, and whether its last round still gained much.
 
-    Where a step fails, the nuisance parameters of thresholds stays from there on. Where the first one does because
+    Where a step fails, the nuisance parameters of thresholds stay from there on. Where the first one does because
     single windows diverge, they begin anew behind it.
     """
     best, *step = assess(problem, path)
