@@ -8,7 +8,13 @@ from flown_logs import AXES, fly, hold
 
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.validate.confirm import confirm, fly_again
-from auv_torchrl.diagnosis.validate.predict import closed_share, errors_by_kind, held_out_windows, predict
+from auv_torchrl.diagnosis.validate.predict import (
+    closed_share,
+    errors_by_kind,
+    held_out_windows,
+    predict,
+    root_of_covariance,
+)
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Episode, FlightLog
 from auv_torchrl.physics.kinematics import euler_angles
@@ -105,6 +111,21 @@ def test_a_vehicle_that_diverges_does_not_take_the_others_along():
     states = fly_again(predictions.windows, [wild, HELD], predictions.states[:, :, 0])
     assert not np.isfinite(states[:, 0, -1]).all()
     np.testing.assert_allclose(states[:, 1], predictions.states[:, 1], atol=2e-3)
+
+
+@pytest.mark.parametrize("span", [4, 30])
+def test_how_sure_a_start_is_is_known_however_unequally_samples_tell_its_numbers(span):
+    """A root of the covariance gives that covariance, and is finite where information spans thirty powers of ten."""
+    random = np.random.default_rng(3)
+    slope = random.normal(size=(5, 40, 9)) * 10.0 ** np.linspace(-span / 4, span / 4, 9)
+    slope[..., 4] = slope[..., 3]  # two numbers that only the prior tells apart
+    widths = np.geomspace(0.1, 10.0, 9)
+    root = root_of_covariance(slope.swapaxes(1, 2) @ slope, widths, 4)
+    assert np.isfinite(root).all()
+    assert (np.einsum("wnk,wnk->wn", root, root) <= (1 + 1e-9) * widths[:4] ** 2).all()
+    if span == 4:  # where the inverse still holds digits
+        covariance = np.linalg.inv(slope.swapaxes(1, 2) @ slope + np.diag(widths**-2.0))[:, :4, :4]
+        np.testing.assert_allclose(root @ root.swapaxes(1, 2), covariance, rtol=1e-6, atol=1e-12)
 
 
 def test_nothing_is_closed_where_there_was_no_gap():

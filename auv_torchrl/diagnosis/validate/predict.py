@@ -77,10 +77,8 @@ def predict(
         begin = whiten(begin, best, layout, sigma, (begin.guess, rough))
     state = follow(begin, best, layout, sigma, force, rough)
     slope = state.slope / noise_per_sample(begin, sigma)[:, None]
-    precision = np.concatenate([layout.loose**-2.0, np.tile(force**-2.0, layout.bins)])
-    information = information_of(slope)
-    covariance = np.linalg.inv(information + np.diag(precision))
-    root = np.linalg.cholesky(covariance[:, : len(layout.start), : len(layout.start)])
+    widths = np.concatenate([layout.loose, np.tile(force, layout.bins)])
+    root = root_of_covariance(information_of(slope), widths, len(layout.start))
     starts = np.repeat(state.start[:, None], 1 + len(layout.start), axis=1)
     starts[:, 1:, layout.start] += SMALL * root.swapaxes(1, 2)
     left = windows.residual(fly(actuate(windows, best), starts)[0])
@@ -102,6 +100,18 @@ def information_of(slope: Floats) -> Floats:
     """Information (W, k, k) of whitened slopes (W, m, k): none where the vehicle diverges and follows no sample."""
     information = slope.swapaxes(1, 2) @ slope
     return np.where(np.isfinite(information).all((1, 2), keepdims=True), information, 0.0)
+
+
+def root_of_covariance(information: Floats, widths: Floats, first: int) -> Floats:
+    """A root (W, n, n) of the covariance of the ``first`` n numbers, by information (W, k, k) and ``widths`` (k,).
+
+    ``widths`` are those of the prior. In units of the prior every direction has an information of 1 at least. So there
+    is a root whatever rounding leaves of directions that samples tell a million times as well as others.
+    """
+    told, along = np.linalg.eigh(np.eye(len(widths)) + information * np.outer(widths, widths))
+    whole = widths[:first, None] * along[:, :first] / np.sqrt(np.maximum(told, 1.0))[:, None]  # (W, n, k)
+    _, upper = np.linalg.qr(whole.swapaxes(1, 2))
+    return upper.swapaxes(1, 2)
 
 
 def errors_along(windows: Windows, predicted: Floats) -> Floats:
