@@ -26,7 +26,7 @@ from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
 
-PIECES, PIECE_S = 4, 8.0  # of a log, and s: what one cause must explain before it is asked whether it explains all
+PIECES, PIECE_S = 4, 8.0  # of a log, and s: what must be explained before it is asked whether all is
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,23 @@ def explain(
     else:
         predictions = only(predictions, 0, 2)
     return Explained(training, testing, corrected, searched, found, (before, after), predictions, vetoed)
+
+
+def is_explained_in_part(log: FlightLog, given: Given, may_be_faulty: bool) -> bool:
+    """Whether some pieces of a log are explained with its file corrected on all of it, by effects if it may be faulty.
+
+    What leaves much of a few pieces leaves much of the log, and shows so in a fraction of the time.
+
+    Raises:
+        FlightLogError: if the pieces are too short for the settings.
+    """
+    corrected = correct_file(log, given.vehicle, given.uncertainty, given.settings)
+    settings = corrected.settings(given.settings if may_be_faulty else replace(given.settings, most_effects=0))
+    pieces = spread(log, PIECES, PIECE_S)
+    searched = search_both_attitudes(
+        pieces, corrected.vehicle, (), settings, lambda step, share: None, left=corrected.prior
+    )
+    return is_explained(searched.found)
 
 
 def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Progress) -> Explained | None:

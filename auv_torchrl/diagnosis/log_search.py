@@ -17,7 +17,7 @@ from auv_torchrl.diagnosis.identify.before_effects import Onset, find_onset, fol
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
-from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, log_likelihood
+from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Found, Progress, search
 from auv_torchrl.diagnosis.localize.unlike import evidence_of_unlike
@@ -61,12 +61,10 @@ def search_log(
     own, known = (sound.vehicle, sound.prior) if sound else (vehicle, left)
     begin = hints_of(seen.found) if seen else []
 
-    def followed() -> tuple[Problem, WindowPath]:
-        windows = cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s)
-        problem, follow = follow_agreeing(Problem.of(windows, own, settings, known))
-        return measure_own_floor(problem, follow) if known is not None and known is left else problem, follow
-
-    problem, follow = followed()
+    windows = cut_windows(training, settings.window_s, settings.lead_s, settings.bin_s)
+    problem, follow = follow_agreeing(Problem.of(windows, own, settings, known))
+    if known is not None and known is left:
+        problem = measure_own_floor(problem, follow)
     report("following the log", 0.2)
     onset = seen.onset if seen else find_onset(problem, follow)
     problem.freedoms.clear()  # of what led here; a search of some windows would keep those of all
@@ -74,7 +72,7 @@ def search_log(
         found = search(problem, follow, report, begin, unknown=evidence_of_unlike)
         return LogSearch(_search_along(problem, found, report), sound)
     plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
-    measured = problem.known if known is left else known
+    measured, sensor = problem.known, follow.explanation
     del problem, follow  # the whole log would fill the memory beside the part
     behind, its_follow = follow_agreeing(Problem.of(plain.windows.subset(onset.behind), own, settings, measured))
     found = search(behind, its_follow, report, begin, unknown=evidence_of_unlike)
@@ -83,7 +81,7 @@ def search_log(
         return LogSearch(_search_along(behind, found, report), sound, onset)
     hints = _each_once(found.fits)[:SIMULATED]
     del behind, its_follow, found, plain  # and the part beside the whole
-    problem, follow = followed()
+    problem, follow = follow_windows(Problem.of(windows, own, settings, measured), sensor)
     whole = search(problem, follow, report, hints, further=False)
     return LogSearch(_search_along(problem, whole, report), sound)
 

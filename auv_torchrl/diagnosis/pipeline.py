@@ -89,7 +89,7 @@ def diagnose(
         unseen = [restricted(unseen_log, log.axes) for unseen_log in test]
         return diagnose_answering(log, unseen, bare, report, vehicle_name)
 
-    found = weigh_readings(log, vehicle, settings, given.is_guess, once, unsearched)
+    found = weigh_readings(log, given, once, unsearched)
     report("done", 1.0)
     return replace(found, headline=headline_of(found), overview=Overview.of(log))
 

@@ -93,7 +93,7 @@ PARTS = {
     "weigh_readings": Part(
         "channels that do not answer",
         ("pipeline:weigh_readings",),
-        lambda log, v, s, once: once(log, 0.0, 1.0)[0],
+        lambda log, given, once, unsearched: once(log, 0.0, 1.0)[0],
         is_slow=True,
     ),
     "calibrate_by_prediction": Part(

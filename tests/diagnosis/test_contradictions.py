@@ -7,9 +7,13 @@ import pytest
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.before_effects import tells_twice
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
-from auv_torchrl.diagnosis.identify.hypotheses import load_settings
-from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.hypotheses import Candidate, load_settings
+from auv_torchrl.diagnosis.identify.neighbours import Neighbourhood
+from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
+from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.effects import EFFECTS
@@ -58,6 +62,45 @@ def test_no_force_acts_between_two_samples():
     problem, _ = follow_windows(Problem.of(windows, load_vehicle("paper"), settings))
     assert problem.followed.mean() < 0.5
     assert problem.layout.bins <= windows.measured.shape[1] < windows.steps // 2
+
+
+@pytest.fixture(scope="module")
+def biased():
+    """A log of an accelerometer that is off, and what healthy flights know of its vehicle."""
+    (log,) = simulated_logs("paper", [{"accelerometer_bias": {"bias_ay": 0.3}}], episodes=2, seconds=12.0, felt=0.02)
+    settings = load_settings()
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    vehicle = load_vehicle("paper")
+    drawn = Problem.of(windows, vehicle, settings)
+    known = HealthyPrior(
+        np.array(settings.floor_force), drawn.sigma, drawn.rough_noise, drawn.nuisance, drawn.nuisance_covariance
+    )
+    return Problem.of(windows, vehicle, settings, known)
+
+
+def test_windows_tell_as_much_of_a_vehicle_whatever_sensor_they_are_followed_under(biased):
+    """Under a biased accelerometer, followed once or again, the log leaves open what it leaves open without."""
+    once, follow = follow_windows(biased)
+    sensor = follow.explanation.with_candidate(Candidate("accelerometer_bias", {"bias_ay": 0.3}), biased.vehicle)
+    again, _ = follow_windows(follow_windows(once, sensor)[0], sensor)
+    assert "accelerometer_bias" in {effect for effect, *_ in biased.nuisance}
+    for mine, before in zip(again.nuisance, once.nuisance, strict=True):
+        assert mine == (*before[:3], pytest.approx(before[3], rel=0.2))
+
+
+def test_an_effect_is_tried_without_another_however_few_windows_are_followed(biased):
+    """What is left without a second effect is counted over the windows that it is left in."""
+    terms = (Term("accelerometer_bias", ("bias_ay",), 0.3), Term("buoyancy", ("force",), 0.0))
+    problem, follow = follow_windows(biased)
+    best = fit_by_simulation(problem, Explanation(terms), follow)
+    few = replace(problem, followed=np.arange(len(problem.windows)) < 2)
+
+    def promised(problem):
+        """What is promised to be left without one of the two."""
+        around = Neighbourhood(problem, follow, Field.of(problem, follow), best, best.evidence, lambda proposal: False)
+        return [(one.what.explanation.effects, one.promised.misfit) for one in around.smaller()]
+
+    assert (("accelerometer_bias",), pytest.approx(best.excess, abs=0.01)) in promised(few)
 
 
 def _every(episode, rows):

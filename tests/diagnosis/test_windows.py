@@ -79,6 +79,14 @@ def test_regular_samples_fall_on_the_grid():
     np.testing.assert_allclose(windows.commands[0], commands, atol=1e-9)
 
 
+@pytest.mark.parametrize("row_s", [0.05, 0.0500003, 0.0502])
+def test_a_clock_that_is_off_makes_no_grid_step_shorter(row_s):
+    """Uneven rows of 20 Hz have two grid steps each, whatever the clock is off by."""
+    t = row_s * np.arange(200) + np.where(np.arange(200) % 50 == 1, 0.01, 0.0)
+    windows = cut_windows(_log(t, np.zeros((200, 2))), 1.5, 0.0)
+    assert windows.dt == pytest.approx(row_s / 2)
+
+
 @pytest.mark.parametrize("read", [False, True])
 def test_thrusts_within_a_grid_step_are_averaged_and_not_commands(read):
     """At 100 Hz the thrust of a grid step is the mean of five thrusts: the dead band has cut each of them by itself."""

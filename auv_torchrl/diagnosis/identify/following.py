@@ -7,7 +7,7 @@ import numpy as np
 from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import batch
 from auv_torchrl.diagnosis.identify.paths import WindowPath, force_of_nuisance, nuisance_now, quadratic
-from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.motion.actuation import actuate, coefficients
 from auv_torchrl.diagnosis.motion.noise import sensor_noise, whiten
 from auv_torchrl.diagnosis.motion.reduce import Freedom, chi_square, settle
@@ -83,7 +83,7 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
     path = WindowPath(explanation, vehicle, state, states[:, 0], problem.windows)
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
     if problem.known is not None:
-        problem = hold_unseen(problem, path)
+        problem = hold_unseen(problem, problem.known, path)
     return replace(problem, nuisance_size=force_of_nuisance(problem, path)), path
 
 
@@ -240,23 +240,27 @@ def _one_row(state: Smoothed) -> tuple[Floats, Floats, Floats]:
     return state.start[:, None], state.bins[:, None], state.residual[:, None]
 
 
-def hold_unseen(problem: Problem, follow: WindowPath) -> Problem:
-    """The problem with nuisance parameters as wide as they are only along directions of which its windows tell.
+def hold_unseen(problem: Problem, known: HealthyPrior, follow: WindowPath) -> Problem:
+    """The problem with nuisance parameters as wide as ``known`` only along directions of which its windows tell.
 
     Healthy flights leave open what changes no motion, as twice the inertia with twice the thrust and drag. Such a
     direction costs a fit nothing to first order, and the fit would go to its bound for no reason. The intervals of the
     fitted values take the whole width (:func:`auv_torchrl.diagnosis.identify.sure.as_sure`).
+
+    Windows tell as much of a nuisance parameter whose effect they are followed under: what is asked is the nominal
+    vehicle along their motion.
     """
-    A = quadratic(problem, follow, [], chosen=problem.followed).A
+    whole = replace(problem, nuisance=known.nuisance, nuisance_covariance=known.nuisance_covariance)
+    A = quadratic(whole, follow, [], around=NOTHING, chosen=problem.followed).A
     if not np.isfinite(A).all():
         return problem
-    size, direction = np.linalg.eigh(problem.nuisance_covariance)
+    size, direction = np.linalg.eigh(known.nuisance_covariance)
     root = direction * np.sqrt(np.maximum(size, 0.0))
     information, along = np.linalg.eigh(root.T @ A @ root)  # in standard deviations of nuisance parameters
     share = np.where(information < TELLS, UNTOLD, 1.0)
     held = root @ along * share
     covariance = held @ held.T
     widths = np.sqrt(np.diag(covariance)).tolist()
-    nuisance = tuple((*entry[:3], width) for entry, width in zip(problem.nuisance, widths, strict=True))
+    nuisance = tuple((*entry[:3], width) for entry, width in zip(known.nuisance, widths, strict=True))
     precision = np.linalg.inv(covariance)
     return replace(problem, nuisance=nuisance, nuisance_covariance=covariance, nuisance_precision=precision)

@@ -16,7 +16,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import declared
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.routing import propose_routing
-from auv_torchrl.diagnosis.identify.screen import Field
+from auv_torchrl.diagnosis.identify.screen import Field, Screened
 from auv_torchrl.diagnosis.thresholds import (
     CLOSES,
     DOUBTED,
@@ -97,7 +97,7 @@ class Neighbourhood:
             for one in field.families():
                 what, added = Neighbour(one.explanation, path), set(one.explanation.effects) - mine
                 how = f"with {_words(added)}" if added else "with more values of what is there"
-                proposal = self._proposal(what, one.evidence - here, one.chi2, how)
+                proposal = self._proposal(what, one.evidence - here, self._misfit(one), how)
                 if self.is_known(proposal):
                     continue
                 if what.key not in promised or promise(proposal) > promise(promised[what.key]):
@@ -122,7 +122,8 @@ class Neighbourhood:
         ):
             return []
         gain = one.evidence - field.none().evidence
-        return [self._proposal(Neighbour(one.explanation, self.follow), gain, one.chi2, "with the plugs as they act")]
+        what = Neighbour(one.explanation, self.follow)
+        return [self._proposal(what, gain, self._misfit(one), "with the plugs as they act")]
 
     def _fitted_along(self, proposals: list[Proposal[Neighbour]]) -> list[Proposal[Neighbour]]:
         """Proposals with their values fitted along the measured motion, the likeliest first."""
@@ -162,7 +163,8 @@ class Neighbourhood:
     def _fewer(self, explanation: Explanation, rise: float, how: str) -> Proposal[Neighbour]:
         prior = self.problem.prior
         gain = prior.structure(explanation) - prior.structure(self.best.explanation) - 0.5 * rise
-        return self._proposal(Neighbour(explanation, self.best.path), gain, self.best.chi2 + rise, how)
+        misfit = (self.best.chi2 + rise) / self.best.quadratic.numbers  # of all windows, followed or not
+        return self._proposal(Neighbour(explanation, self.best.path), gain, misfit, how)
 
     def exchanged(self) -> list[Proposal[Neighbour]]:
         """With the likeliest other effect in place of one of several."""
@@ -173,15 +175,18 @@ class Neighbourhood:
                 if not added:
                     continue
                 how = f"with {_words(added)} in place of {_words([effect])}"
-                proposal = self._proposal(what, one.evidence - self.best.evidence, one.chi2, how)
+                proposal = self._proposal(what, one.evidence - self.best.evidence, self._misfit(one), how)
                 if not self.is_known(proposal):
                     likely = promise(proposal) > self.here - self.doubt
                     found.append(replace(proposal, simulate=likely))
                 break
         return found
 
-    def _proposal(self, what: Neighbour, gain: float, chi2: float, how: str) -> Proposal[Neighbour]:
-        misfit = chi2 / max(self.field.quadratic.numbers, 1)  # 0 where no force makes the vehicle follow any window
+    def _misfit(self, promised: Screened) -> float:
+        """Chi-square per number in the windows that are followed; 0 where no force makes the vehicle follow any."""
+        return promised.chi2 / max(self.field.quadratic.numbers, 1)
+
+    def _proposal(self, what: Neighbour, gain: float, misfit: float, how: str) -> Proposal[Neighbour]:
         evidence = self.best.evidence + gain
         record = weighed(self.problem, self.field, what.explanation, evidence, misfit, how, Outcome.PREDICTED)
         return Proposal(what, record)

@@ -12,6 +12,10 @@ from auv_torchrl.flightlog.log import ANGLES
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.sensors import CHANNELS, FELT, MOTION
 
+# Of a target step, by which grid steps may be longer: clocks of vehicles are off by as much, and a third step in each
+# row for one microsecond makes all that is simulated half as long again.
+UNEVEN = 0.1
+
 
 class _Cut(NamedTuple):
     """One window as it is cut out of an episode."""
@@ -150,7 +154,7 @@ def grid_step(log: FlightLog) -> tuple[float, int]:
         return sample * merged, merged
     fine = irregular and sample < 2 * CONTROL_DT  # samples between grid steps are interpolated linearly
     target = CONTROL_DT / 2 if fine else CONTROL_DT
-    return sample / np.ceil(sample / target - 1e-6), 1
+    return sample / np.ceil(sample / target - UNEVEN), 1
 
 
 def _row_s(log: FlightLog) -> float:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from auv_torchrl.diagnosis.axes import hold_attitude
 from auv_torchrl.diagnosis.doubt import BELIEVED, doubted_alternatives
+from auv_torchrl.diagnosis.explain import Given, is_explained_in_part
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.search import Found
@@ -36,30 +37,24 @@ Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, an
 
 
 def weigh_readings(
-    log: FlightLog,
-    vehicle: Vehicle,
-    settings: Settings,
-    guessed: bool,
-    once: Once,
-    unsearched: Callable[[], tuple[Diagnosis, Found]],
+    log: FlightLog, given: Given, once: Once, unsearched: Callable[[], tuple[Diagnosis, Found]]
 ) -> Diagnosis:
     """The diagnosis of a log, with what does not answer to commands said first.
 
     Args:
         log: as it can be followed.
-        vehicle: as its file says, empty batch.
-        settings: of the diagnosis.
-        guessed: whether the file is a guess, which is corrected on the log.
+        given: what it is explained by.
         once: explains a log as if all of its channels followed the vehicle.
         unsearched: holds the log against the vehicle of the file, and looks for no effects.
     """
+    vehicle, settings = given.vehicle, given.settings
     still = find_stillness(log, vehicle, settings)
     if (share := share_of_held(log, vehicle, settings)) is not None and not _is_all(log, vehicle, settings, still):
         held = (tell_held(share, log.axes),)
         return replace(_alone(unsearched()[0], held), alternatives=(Alternative((), in_words(held), 1.0),))
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
-        return _unless_of_another_source(log, settings, guessed, *once(log, 0.0, 0.8), once)
+        return _unless_of_another_source(log, given, *once(log, 0.0, 0.8), once)
     rest, whole = None, _is_all(log, vehicle, settings, still)
     if not whole:
         rest, still = _explain_others(log, settings, still, once)
@@ -70,29 +65,31 @@ def weigh_readings(
     return _beside(rest, logged, silent) if rest else _alone(logged, silent)
 
 
-def _unless_of_another_source(
-    log: FlightLog, settings: Settings, guessed: bool, logged: Diagnosis, found: Found, once: Once
-) -> Diagnosis:
+def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, found: Found, once: Once) -> Diagnosis:
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
-    for suspect in find_other_source(log, found.problem, found.follow.explanation, settings):
+    for suspect in find_other_source(log, found.problem, found.follow.explanation, given.settings):
         if set(suspect.channels) >= set(log.axes):
             return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
             continue
         silent = tell_other_source(blamed(suspect.stretches), len(log.episodes))
-        if fit_the_vehicle(others, found.problem, settings):
+        if fit_the_vehicle(others, found.problem, given.settings):
             return _alone(logged, silent)
-        if guessed and (rest := _explained(others, suspect.contradicts, once)):  # by a file corrected anew
+        if given.is_guess and (
+            rest := _explained(others, suspect.contradicts, given, once)
+        ):  # by a file corrected anew
             return _beside(rest, logged, silent)
     return logged
 
 
-def _explained(others: FlightLog, may_be_faulty: bool, once: Once) -> Diagnosis | None:
+def _explained(others: FlightLog, may_be_faulty: bool, given: Given, once: Once) -> Diagnosis | None:
     """The diagnosis of all other channels, where that explains them; by a fault of the vehicle only if it may be."""
     try:
+        if not is_explained_in_part(others, given, may_be_faulty):
+            return None
         rest, found = once(others, 0.8, 1.0)
     except FlightLogError:  # too little is left to explain
         return None
