@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # the command line needs the settings alone
     import torch
     from torchrl.objectives import SACLoss
 
-    from auv_torchrl.agents.updater import Updater
+    from auv_torchrl.agents.learning.updater import Updater
     from auv_torchrl.envs import FleetEnv
     from auv_torchrl.tasks import Task
     from auv_torchrl.vehicle import Vehicle
@@ -71,7 +71,7 @@ class SACConfig(OffPolicyConfig):
         self, observations: int, actions: int, device: "torch.device", kind: "type[SACLoss] | None" = None
     ) -> "SACLoss":
         """Actor, twin critics and temperature, in a loss module of one's own where ``kind`` is one."""
-        from auv_torchrl.agents.losses import make_loss
+        from auv_torchrl.agents.learning.losses import make_loss
 
         return make_loss(
             kind or self.loss, observations, actions, self.hidden, gamma=self.gamma,
@@ -81,7 +81,7 @@ class SACConfig(OffPolicyConfig):
 
     def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":
         """Of actor, twin critics and temperature."""
-        from auv_torchrl.agents.updater import SACUpdater
+        from auv_torchrl.agents.learning.updater import SACUpdater
 
         loss = self.make_loss(observations, actions, device)
         return SACUpdater(loss, self.learning_rate, self.alpha_learning_rate, self.tau)
@@ -100,8 +100,8 @@ class TD3Config(OffPolicyConfig):
 
     def make_updater(self, observations: int, actions: int, device: "torch.device") -> "Updater":
         """Of actor and twin critics."""
-        from auv_torchrl.agents.losses import make_td3_loss
-        from auv_torchrl.agents.updater import TD3Updater
+        from auv_torchrl.agents.learning.losses import make_td3_loss
+        from auv_torchrl.agents.learning.updater import TD3Updater
 
         loss = make_td3_loss(
             observations, actions, self.hidden, gamma=self.gamma, exploration=self.exploration,

@@ -53,7 +53,9 @@ class Trainer:
         fingerprint: str,
         logger: LoggerConfig | None = None,
     ):
-        from auv_torchrl.agents.learners import make_learner  # a policy that was kept is read without all of them
+        from auv_torchrl.agents.learning.learners import (
+            make_learner,  # a policy that was kept is read without all of them
+        )
 
         self.config, self.seed, self.folder, self.fingerprint = config, seed, folder, fingerprint
         self.logger = logger or LoggerConfig()

@@ -12,7 +12,7 @@ import torch
 from tensordict.nn import TensorDictModuleBase
 
 from auv_torchrl.agents.config import FineTuning, SACConfig
-from auv_torchrl.agents.learners import make_learner
+from auv_torchrl.agents.learning.learners import make_learner
 from auv_torchrl.agents.policy import SourcePolicy
 from auv_torchrl.envs import FleetEnv
 

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_torchrl.flightlog.columns import extra_of, missing
 from auv_torchrl.flightlog.findings import Finding, FlightLogError
 from auv_torchrl.flightlog.log import AXES, IDLE
 from auv_torchrl.flightlog.readiness import begins
-from auv_torchrl.flightlog.rows import runs_of_time
 from auv_torchrl.flightlog.streams.compass import check_compass
 from auv_torchrl.flightlog.streams.configuration import check_configuration, compare_configuration
 from auv_torchrl.flightlog.streams.grid import choose, tabulate
@@ -18,7 +16,9 @@ from auv_torchrl.flightlog.streams.motors import listed, motors_of
 from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Stream, Streams
 from auv_torchrl.flightlog.streams.vehicle_kind import check_kind, other_kind
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.columns import extra_of, missing
+from auv_torchrl.flightlog.tables.rows import runs_of_time
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable

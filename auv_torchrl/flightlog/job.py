@@ -10,7 +10,7 @@ from auv_torchrl.flightlog.info import info_lines, table_lines
 from auv_torchrl.flightlog.readers import TABLES, read_log, read_streams
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.parameters import NOT_FINITE
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.flightlog.writer import write_table
 from auv_torchrl.quantities import counted

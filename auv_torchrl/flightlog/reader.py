@@ -7,24 +7,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_torchrl.flightlog.clock import check_clock
-from auv_torchrl.flightlog.columns import DEMANDS, choose_columns
-from auv_torchrl.flightlog.contact import leave_out_contact
-from auv_torchrl.flightlog.degrees import convert_degrees
-from auv_torchrl.flightlog.excitation import check_excitation
+from auv_torchrl.flightlog.checks.clock import check_clock
+from auv_torchrl.flightlog.checks.contact import leave_out_contact
+from auv_torchrl.flightlog.checks.degrees import convert_degrees
+from auv_torchrl.flightlog.checks.excitation import check_excitation
+from auv_torchrl.flightlog.checks.frames import check_frames
+from auv_torchrl.flightlog.checks.gravity import check_gravity
+from auv_torchrl.flightlog.checks.information import Checked, check_information
+from auv_torchrl.flightlog.checks.units import check_commands, check_time_unit
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity, condensed, quoted
-from auv_torchrl.flightlog.frames import check_frames
-from auv_torchrl.flightlog.gravity import check_gravity
-from auv_torchrl.flightlog.information import Checked, check_information
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY, Episode, FlightLog, Floats
 from auv_torchrl.flightlog.readers import read_log
-from auv_torchrl.flightlog.rows import Stretch, usable_axes, usable_stretches
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.vehicle_file import check_frame
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.columns import DEMANDS, choose_columns
+from auv_torchrl.flightlog.tables.rows import Stretch, usable_axes, usable_stretches
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.flightlog.understand import Understood, understand
-from auv_torchrl.flightlog.units import check_commands, check_time_unit
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import Vehicle

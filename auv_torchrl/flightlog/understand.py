@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.flightlog.cells import NUMBER
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES, Floats
 from auv_torchrl.flightlog.streams.attitude import euler_angles
 from auv_torchrl.flightlog.streams.motors import NEUTRAL, commands_of_pulses, listed
-from auv_torchrl.flightlog.synonyms import (
+from auv_torchrl.flightlog.tables.cells import NUMBER
+from auv_torchrl.flightlog.tables.synonyms import (
     CHANNELS,
     COMMANDS,
     QUATERNION,
@@ -27,7 +27,7 @@ from auv_torchrl.flightlog.synonyms import (
     match,
     unclear,
 )
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.physics.kinematics import wrap_angle
 
 PULSE_LOW, PULSE_HIGH = 1100.0, 1900.0  # us, full command backwards and forwards, as ArduSub has them unless told

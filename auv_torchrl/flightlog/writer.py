@@ -8,11 +8,11 @@ import numpy as np
 
 from auv_torchrl.extras import library
 from auv_torchrl.files import whole
-from auv_torchrl.flightlog.csv_text import csv_blocks
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.header import NOTE
 from auv_torchrl.flightlog.log import AXES, FlightLog
-from auv_torchrl.flightlog.table import MEASURED, NOTE_KEY, Table
+from auv_torchrl.flightlog.tables.csv_text import csv_blocks
+from auv_torchrl.flightlog.tables.header import NOTE
+from auv_torchrl.flightlog.tables.table import MEASURED, NOTE_KEY, Table
 
 
 def write_flightlog(log: FlightLog, path: str | os.PathLike[str], replace: bool = False) -> Path:

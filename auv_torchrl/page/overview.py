@@ -14,7 +14,7 @@ from auv_torchrl.extras import library
 from auv_torchrl.flightlog.streams.stream import Floats, Streams
 
 if TYPE_CHECKING:
-    from auv_torchrl.flightlog.table import Table  # which loads more than the server needs
+    from auv_torchrl.flightlog.tables.table import Table  # which loads more than the server needs
 
 FILE = "overview.npz"
 MOST_POINTS = 1200  # of a curve that a browser gets

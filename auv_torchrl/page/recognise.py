@@ -20,7 +20,7 @@ from auv_torchrl.flightlog.log import AXES, Floats
 from auv_torchrl.flightlog.readers import read_log
 from auv_torchrl.flightlog.readiness import begins
 from auv_torchrl.flightlog.streams import ReadOptions, Streams, tabulate
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.monitoring.dive_date import begun
 from auv_torchrl.page import overview

@@ -11,8 +11,8 @@ import torch
 from tensordict import TensorDict
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from auv_torchrl.agents.losses import make_loss
-from auv_torchrl.agents.updater import SACUpdater
+from auv_torchrl.agents.learning.losses import make_loss
+from auv_torchrl.agents.learning.updater import SACUpdater
 
 OURS = {"ours, fused": "fused", "ours, stock": "stock"}  # by their names in the table, the kinds of their loss
 THEIRS = "stable-baselines3"

@@ -21,8 +21,8 @@ from torch import Tensor
 from torchrl.objectives import SACLoss
 
 from auv_torchrl.agents.config import SACConfig, load_agent_config
+from auv_torchrl.agents.learning.updater import SACUpdater, Updater
 from auv_torchrl.agents.train_source import make_trainer
-from auv_torchrl.agents.updater import SACUpdater, Updater
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.control.source import BACKEND, ranges

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from auv_torchrl.agents.config import load_agent_config
-from auv_torchrl.agents.learners import make_learner
+from auv_torchrl.agents.learning.learners import make_learner
 
 
 @pytest.mark.parametrize("updates", [30, 300, 3000])

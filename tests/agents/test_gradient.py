@@ -7,7 +7,7 @@ import torch
 from tiny_training import RANDOMIZATION, TASK, train_tiny
 
 from auv_torchrl.agents.config import GradientConfig, load_agent_config
-from auv_torchrl.agents.gradient import GradientLearner
+from auv_torchrl.agents.learning.gradient import GradientLearner
 from auv_torchrl.agents.policy import load_policy
 from auv_torchrl.agents.train_source import make_trainer
 from auv_torchrl.physics import ActiveTerms, prepare

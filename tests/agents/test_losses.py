@@ -8,10 +8,10 @@ from tensordict import TensorDict
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from auv_torchrl.agents.fused import ClosedForm, FusedSACLoss, leaves
-from auv_torchrl.agents.losses import make_loss
+from auv_torchrl.agents.learning.fused import ClosedForm, FusedSACLoss, leaves
+from auv_torchrl.agents.learning.losses import make_loss
+from auv_torchrl.agents.learning.updater import SACUpdater
 from auv_torchrl.agents.networks import make_actor, make_policy, tanh_normal
-from auv_torchrl.agents.updater import SACUpdater
 
 pytestmark = pytest.mark.filterwarnings("ignore:No target network updater")  # losses on their own, in these tests
 SETTINGS = {"observations": 7, "actions": 3, "gamma": 0.97, "target_entropy": -3.0, "alpha_init": 0.2}

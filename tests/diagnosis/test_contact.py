@@ -7,7 +7,7 @@ from flown_logs import AXES, DT, Pushed, fly, hold
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values
 from auv_torchrl.flightlog import Episode, FlightLog
-from auv_torchrl.flightlog.contact import NEAR_M, _Flown, _level, leave_out_contact
+from auv_torchrl.flightlog.checks.contact import NEAR_M, _Flown, _level, leave_out_contact
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import load_vehicle
 

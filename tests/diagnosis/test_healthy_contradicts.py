@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.validate.healthy_flights import check_healthy_flight
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, VELOCITY, join
-from auv_torchrl.flightlog.frames import check_frames
+from auv_torchrl.flightlog.checks.frames import check_frames
 from auv_torchrl.vehicle import load_vehicle
 from tests.diagnosis.flown_logs import fly, hold
 from tests.diagnosis.healthy_flights import FILE, OWN, flown

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auv_torchrl.flightlog import FlightLogError, Severity, read_flightlog, write_flightlog
-from auv_torchrl.flightlog.frames import check_frames
+from auv_torchrl.flightlog.checks.frames import check_frames
 from auv_torchrl.flightlog.log import Episode, FlightLog
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs

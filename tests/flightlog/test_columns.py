@@ -10,10 +10,10 @@ import pyarrow.parquet
 import pytest
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
-from auv_torchrl.flightlog.columns import KNOWN
 from auv_torchrl.flightlog.command import main
-from auv_torchrl.flightlog.synonyms import NOT_KNOWN, described, match, near, unclear
-from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.tables.columns import KNOWN
+from auv_torchrl.flightlog.tables.synonyms import NOT_KNOWN, described, match, near, unclear
+from auv_torchrl.flightlog.tables.table import read_table
 from auv_torchrl.flightlog.understand import understand
 from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle

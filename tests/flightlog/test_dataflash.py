@@ -11,7 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
-from auv_torchrl.flightlog.readers import ardupilot, dataflash, read_streams
+from auv_torchrl.flightlog.readers import read_streams
+from auv_torchrl.flightlog.readers.ardupilot import ardupilot, dataflash
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.dataflash_writer import ALL, described, dive, parameters, record

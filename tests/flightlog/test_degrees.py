@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_torchrl.flightlog.degrees import convert_degrees
+from auv_torchrl.flightlog.checks.degrees import convert_degrees
 from auv_torchrl.flightlog.log import Episode
 from auv_torchrl.physics.kinematics import euler_angles
 from auv_torchrl.vehicle import load_vehicle

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from auv_torchrl.flightlog import FlightLogError, read_flightlog, write_flightlog
-from auv_torchrl.flightlog.columns import KNOWN
+from auv_torchrl.flightlog.tables.columns import KNOWN
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 

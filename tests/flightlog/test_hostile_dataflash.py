@@ -14,7 +14,7 @@ from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.info import info_lines
-from auv_torchrl.flightlog.readers import ardupilot, dataflash_text
+from auv_torchrl.flightlog.readers.ardupilot import ardupilot, dataflash_text
 from auv_torchrl.flightlog.streams import ReadOptions, tabulate
 from auv_torchrl.flightlog.streams.configuration import compare_configuration, to_set
 from auv_torchrl.flightlog.streams.drift import ANGLE_DRIFT, drift_of

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from auv_torchrl.flightlog import FlightLogError
-from auv_torchrl.flightlog.readers import bounds, mavlink, packings
-from auv_torchrl.flightlog.readers.ros_types import CDR, DefinitionError, Type
+from auv_torchrl.flightlog.readers import bounds, packings
+from auv_torchrl.flightlog.readers.ardupilot import mavlink
+from auv_torchrl.flightlog.readers.ros.ros_types import CDR, DefinitionError, Type
 from auv_torchrl.flightlog.streams import tabulate
 from tests.flightlog.test_other_recordings import mcap_file, ros_bag, ulog_file
 from tests.flightlog.vehicle_log import streams_of

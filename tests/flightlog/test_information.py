@@ -7,8 +7,8 @@ import pytest
 from simulate import simulated_logs
 
 from auv_torchrl.flightlog import FlightLogError, raw_columns, read_flightlog, write_columns
-from auv_torchrl.flightlog.information import check_information
-from auv_torchrl.flightlog.table import Table, read_table
+from auv_torchrl.flightlog.checks.information import check_information
+from auv_torchrl.flightlog.tables.table import Table, read_table
 from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.damages import BOTH, DAMAGES, POSES, damaged

@@ -19,7 +19,7 @@ from auv_torchrl.flightlog.readers import READERS, Reader, choose_reader
 from auv_torchrl.flightlog.streams.grid import row_times, sampled
 from auv_torchrl.flightlog.streams.options import read_options
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Sampling, Streams, VehicleFacts, by_name, stream
-from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.tables.table import read_table
 from auv_torchrl.paths import EXAMPLE_LOG, PROJECT
 from auv_torchrl.text import printable
 from auv_torchrl.vehicle import load_vehicle

@@ -14,7 +14,7 @@ from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.flightlog.command import main
 from auv_torchrl.flightlog.readers import packed_log, read_log
 from auv_torchrl.flightlog.streams.stream import Streams
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.vehicle import load_vehicle
 from tests.flightlog.shared_data import EXCERPTS

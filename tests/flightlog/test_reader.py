@@ -9,7 +9,7 @@ import pyarrow.parquet
 import pytest
 
 from auv_torchrl.flightlog import FlightLogError, Severity, join, read_flightlog, write_flightlog
-from auv_torchrl.flightlog.table import read_table
+from auv_torchrl.flightlog.tables.table import read_table
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, load_vehicle
 from tests.flightlog.simulate import POSE_ONLY, simulated_logs
 

@@ -5,7 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.page.overview import (
     MOST_POINTS,
     Panel,

@@ -14,7 +14,7 @@ from auv_torchrl.diagnosis.verdict import Diagnosis, Window, to_json
 from auv_torchrl.extras import command, is_installed
 from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY
-from auv_torchrl.flightlog.csv_text import csv_blocks
+from auv_torchrl.flightlog.tables.csv_text import csv_blocks
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger("diagnose")

@@ -6,25 +6,16 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.readers import (
-    ardupilot,
-    dataflash,
-    dataflash_text,
-    mapped,
-    mcap,
-    mcap_records,
-    ros,
-    tlog,
-    ulog,
-    ulog_records,
-)
+from auv_torchrl.flightlog.readers import mapped, mcap, mcap_records, tlog, ulog, ulog_records
+from auv_torchrl.flightlog.readers.ardupilot import ardupilot, dataflash, dataflash_text
 from auv_torchrl.flightlog.readers.packed_log import bare, unpacked
 from auv_torchrl.flightlog.readers.reader import Reader, choose_reader
+from auv_torchrl.flightlog.readers.ros import ros
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 from auv_torchrl.registry import Registry
 
 if TYPE_CHECKING:
-    from auv_torchrl.flightlog.table import Table
+    from auv_torchrl.flightlog.tables.table import Table
 
 _MAPPED = ("ROS bag", "MCAP recording")  # readers of recordings whose messages may be an owner's own
 TABLES = (".csv", ".parquet", ".pq")  # how tables are called
@@ -65,7 +56,7 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -
     with unpacked(Path(path), _is_log) as (log, findings):
         reader, options = choose_reader(log, READERS), options or ReadOptions()
         if reader is None:
-            from auv_torchrl.flightlog.table import read_table  # here, not above: it loads pyarrow
+            from auv_torchrl.flightlog.tables.table import read_table  # here, not above: it loads pyarrow
 
             table = read_table(log)
             read = mapped.streams_of_table(table, options.mapping) if options.mapping else table

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers import ros
 from auv_torchrl.flightlog.readers.bounds import Budget, Loss, Rows
 from auv_torchrl.flightlog.readers.recording import Channel
-from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1, DefinitionError, Type, Values
+from auv_torchrl.flightlog.readers.ros import ros
+from auv_torchrl.flightlog.readers.ros.ros_types import CDR, ROS1, DefinitionError, Type, Values
 from auv_torchrl.flightlog.streams.stream import (
     Floats,
     MappedStream,
@@ -21,7 +21,7 @@ from auv_torchrl.flightlog.streams.stream import (
     by_name,
     stream,
 )
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.settings import choices
 from auv_torchrl.text import whole
 

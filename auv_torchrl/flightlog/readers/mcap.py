@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.readers import mavlink, ros
+from auv_torchrl.flightlog.readers.ardupilot import mavlink
 from auv_torchrl.flightlog.readers.bounds import Loss
 from auv_torchrl.flightlog.readers.mcap_records import read_messages
 from auv_torchrl.flightlog.readers.recording import Channel
+from auv_torchrl.flightlog.readers.ros import ros
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
 
 _TOPIC = re.compile(r"/?mavlink/([0-9]{1,3})/([0-9]{1,3})/(?:in/|out/)?([A-Z0-9_]+)")

@@ -15,10 +15,10 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.readers.bounds import MIB, Limited
 from auv_torchrl.flightlog.readers.packings import PACKINGS, Errors
 from auv_torchrl.flightlog.readers.reader import HEAD_BYTES
+from auv_torchrl.flightlog.tables.header import first_bytes
 from auv_torchrl.quantities import counted
 from auv_torchrl.text import in_order, printable
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from auv_torchrl import extras
 from auv_torchrl.flightlog.findings import FlightLogError
-from auv_torchrl.flightlog.header import first_bytes
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams
+from auv_torchrl.flightlog.tables.header import first_bytes
 
 HEAD_BYTES = 4096  # that a reader is shown of a file
 _POINTERS = {  # what stands in place of a file that was not fetched

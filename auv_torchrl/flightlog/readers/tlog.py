@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.readers import mavlink
+from auv_torchrl.flightlog.readers.ardupilot import mavlink
 from auv_torchrl.flightlog.readers.bounds import Loss
 from auv_torchrl.flightlog.readers.reader import library
 from auv_torchrl.flightlog.streams.stream import ReadOptions, Streams

@@ -20,7 +20,7 @@ from auv_torchrl.flightlog.streams.motors import commands_of
 from auv_torchrl.flightlog.streams.parameters import known
 from auv_torchrl.flightlog.streams.stream import Floats, ReadOptions, Sampling, Spans, Stream, Streams
 from auv_torchrl.flightlog.streams.vehicle_kind import check_kind
-from auv_torchrl.flightlog.table import MAX_ROWS, Table
+from auv_torchrl.flightlog.tables.table import MAX_ROWS, Table
 from auv_torchrl.physics import CONTROL_DT
 
 SOURCES = {  # of each column, the best first: raw sensors before the estimates of a filter

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from auv_torchrl.flightlog.columns import DEMANDS
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
 from auv_torchrl.flightlog.streams.stream import Streams
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.columns import DEMANDS
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.paths import config_names
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle, load_vehicle

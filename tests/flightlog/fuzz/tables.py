@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet
 from hypothesis import strategies as st
 
-from auv_torchrl.flightlog.columns import KNOWN
+from auv_torchrl.flightlog.tables.columns import KNOWN
 from tests.flightlog.fuzz.damage import MOST, Draw, Log, bytes_altered, chance, named, place, reordered
 from tests.flightlog.fuzz.values import json_texts, numbers, raw, texts
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pytest
 from hypothesis import strategies as st
 
-from auv_torchrl.flightlog.readers.mavlink import WANTED
+from auv_torchrl.flightlog.readers.ardupilot.mavlink import WANTED
 from tests.flightlog.fuzz.damage import MOST, Draw, Log, bytes_altered, chance, named, place, reordered
 from tests.flightlog.fuzz.values import raw, sizes
 from tests.flightlog.shared_data import EXCERPTS

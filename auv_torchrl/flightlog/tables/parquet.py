@@ -8,11 +8,11 @@ import numpy as np
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from auv_torchrl.flightlog.cells import DATE, NUMBER, Odd, bounded, is_no_value, read_cells
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.header import MOST_COLUMNS, check_number
 from auv_torchrl.flightlog.log import Floats
-from auv_torchrl.flightlog.table import (
+from auv_torchrl.flightlog.tables.cells import DATE, NUMBER, Odd, bounded, is_no_value, read_cells
+from auv_torchrl.flightlog.tables.header import MOST_COLUMNS, check_number
+from auv_torchrl.flightlog.tables.table import (
     NOTE_KEY,
     PARQUET,
     Table,
@@ -118,7 +118,7 @@ def _is_text(kind: pa.DataType) -> bool:
 
 
 def read_array(array: pa.Array, odd: Odd, offset: int) -> tuple[Floats, str]:
-    """As :func:`auv_torchrl.flightlog.cells.read_cells` does of texts, of a block of any type that is flat."""
+    """As :func:`auv_torchrl.flightlog.tables.cells.read_cells` does of texts, of a block of any type that is flat."""
     kind = array.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         per_second = _PER_SECOND[kind.unit]

@@ -3,7 +3,7 @@
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss, SACLoss, TD3Loss, ValueEstimators
 
-from auv_torchrl.agents.fused import FusedSACLoss
+from auv_torchrl.agents.learning.fused import FusedSACLoss
 from auv_torchrl.agents.networks import Device, make_actor, make_critic, make_policy, make_value, set_spread
 
 LOSSES = {"fused": FusedSACLoss, "stock": SACLoss}

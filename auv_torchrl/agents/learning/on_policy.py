@@ -11,9 +11,9 @@ from torchrl.envs import EnvBase
 from torchrl.objectives.value import GAE
 
 from auv_torchrl.agents.config import PPOConfig
-from auv_torchrl.agents.learner import Learner, Learnt, collected
-from auv_torchrl.agents.losses import make_ppo_loss
-from auv_torchrl.agents.updater import leaves
+from auv_torchrl.agents.learning.learner import Learner, Learnt, collected
+from auv_torchrl.agents.learning.losses import make_ppo_loss
+from auv_torchrl.agents.learning.updater import leaves
 
 
 class OnPolicyLearner(Learner):

@@ -5,9 +5,9 @@ d(position)/dt must equal R(attitude) v. Faults of a vehicle leave that law alon
 
 import numpy as np
 
+from auv_torchrl.flightlog.checks.motion import SLOWEST, Blocks, blocks, force_balance, rotations
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode, Floats, with_axes
-from auv_torchrl.flightlog.motion import SLOWEST, Blocks, blocks, force_balance, rotations
 from auv_torchrl.physics.kinematics import cross, matvec
 from auv_torchrl.quantities import percent, quantity
 from auv_torchrl.vehicle import Vehicle

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_torchrl.flightlog.excitation import SHORT_S
+from auv_torchrl.flightlog.checks.excitation import SHORT_S
+from auv_torchrl.flightlog.checks.motion import BLOCK_S, blocks, rotations
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode, Floats
-from auv_torchrl.flightlog.motion import BLOCK_S, blocks, rotations
-from auv_torchrl.flightlog.rows import SHORTEST_ROWS
 from auv_torchrl.flightlog.signals import rolling_mean, runs
+from auv_torchrl.flightlog.tables.rows import SHORTEST_ROWS
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.vehicle import Vehicle

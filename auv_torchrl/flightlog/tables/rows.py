@@ -7,8 +7,8 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Floats
-from auv_torchrl.flightlog.table import Table
-from auv_torchrl.flightlog.thinning import MOST_PARTS, mean_until_next, parts_until_next, rows_around, thinning
+from auv_torchrl.flightlog.tables.table import Table
+from auv_torchrl.flightlog.tables.thinning import MOST_PARTS, mean_until_next, parts_until_next, rows_around, thinning
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.quantities import counted, percent
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from auv_torchrl.flightlog.findings import FlightLogError
 from auv_torchrl.flightlog.log import ACCELERATION, AXES, POSE, VELOCITY
-from auv_torchrl.flightlog.synonyms import NOT_KNOWN, NUMBERED, near
+from auv_torchrl.flightlog.tables.synonyms import NOT_KNOWN, NUMBERED, near
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
 

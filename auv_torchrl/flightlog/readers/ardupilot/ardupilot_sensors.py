@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
-from auv_torchrl.flightlog.readers.firmware import latest, of_lane
+from auv_torchrl.flightlog.readers.ardupilot.firmware import latest, of_lane
 from auv_torchrl.flightlog.readers.messages import Columns, Messages, stacked, whole_numbers
 from auv_torchrl.flightlog.streams.stream import Sampling, Stream, stream
 

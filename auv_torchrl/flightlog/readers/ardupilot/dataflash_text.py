@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.readers.dataflash import CODES
+from auv_torchrl.flightlog.readers.ardupilot.dataflash import CODES
 from auv_torchrl.flightlog.readers.descriptions import (
     TEXT_CODES,
     TEXTS,

@@ -7,7 +7,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.objectives import LossModule, SACLoss, SoftUpdate, TD3Loss
 
-from auv_torchrl.agents.fused import ClosedForm, FusedSACLoss, FusedSoftUpdate, leaves
+from auv_torchrl.agents.learning.fused import ClosedForm, FusedSACLoss, FusedSoftUpdate, leaves
 
 
 class Updater(ABC):

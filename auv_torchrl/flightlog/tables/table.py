@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.extras import library
-from auv_torchrl.flightlog.cells import LARGEST, NUMBER, Odd, read_cells
-from auv_torchrl.flightlog.csv_rows import Rows, UnreadableRows
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.header import first_bytes, read_header
 from auv_torchrl.flightlog.log import AXES, Floats, SampleErrors
+from auv_torchrl.flightlog.tables.cells import LARGEST, NUMBER, Odd, read_cells
+from auv_torchrl.flightlog.tables.csv_rows import Rows, UnreadableRows
+from auv_torchrl.flightlog.tables.header import first_bytes, read_header
 from auv_torchrl.quantities import counted
 from auv_torchrl.text import printable
 
@@ -77,7 +77,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 def _read_parquet(path: Path) -> Table:
     library("pyarrow", f"Parquet ({printable(path.name)}) is read by", "logs", FlightLogError)
-    from auv_torchrl.flightlog.parquet import (
+    from auv_torchrl.flightlog.tables.parquet import (
         read_parquet,  # here, not above: few logs are, and it need not be installed
     )
 
@@ -164,7 +164,7 @@ def collect(
         name: of the table.
         names: of its columns.
         batches: by column a block of entries.
-        read: gives the values of such a block, as :func:`auv_torchrl.flightlog.cells.read_cells` does.
+        read: gives the values of such a block, as :func:`auv_torchrl.flightlog.tables.cells.read_cells` does.
     """
     shown = [column_name(column) for column in names]
     if repeated := sorted(column for column, times in Counter(shown).items() if times > 1):

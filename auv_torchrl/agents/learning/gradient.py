@@ -14,7 +14,7 @@ from torchrl.envs import EnvBase
 from torchrl.envs.utils import step_mdp
 
 from auv_torchrl.agents.config import GradientConfig
-from auv_torchrl.agents.learner import Learner, Learnt
+from auv_torchrl.agents.learning.learner import Learner, Learnt
 
 
 class GradientLearner(Learner):

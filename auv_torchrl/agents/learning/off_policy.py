@@ -10,7 +10,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import EnvBase
 
 from auv_torchrl.agents.config import OffPolicyConfig
-from auv_torchrl.agents.learner import Learner, Learnt, collected
+from auv_torchrl.agents.learning.learner import Learner, Learnt, collected
 
 STORED = (
     "observation",

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
+from auv_torchrl.flightlog.readers.ardupilot.firmware import leave_out_unknown, mode_name, vehicle_facts
 from auv_torchrl.flightlog.readers.bounds import MOST_TEXTS, Budget, Loss, Rows
-from auv_torchrl.flightlog.readers.firmware import leave_out_unknown, mode_name, vehicle_facts
 from auv_torchrl.flightlog.readers.messages import AT, Messages, changes, in_order, stacked, whole_numbers
 from auv_torchrl.flightlog.streams.stream import (
     Kind,

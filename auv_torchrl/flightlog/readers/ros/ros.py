@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.header import first_bytes
-from auv_torchrl.flightlog.readers import mcap_records, rosbag
+from auv_torchrl.flightlog.readers import mcap_records
 from auv_torchrl.flightlog.readers.bounds import MOST_MESSAGE, Budget, Loss, Rows
 from auv_torchrl.flightlog.readers.messages import changes
 from auv_torchrl.flightlog.readers.packed_log import BAG, unpacked
 from auv_torchrl.flightlog.readers.packings import PACKINGS
 from auv_torchrl.flightlog.readers.reader import HEAD_BYTES, refuse_pointer
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted
-from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1, DefinitionError, Type, Values
+from auv_torchrl.flightlog.readers.ros import rosbag
+from auv_torchrl.flightlog.readers.ros.ros_types import CDR, ROS1, DefinitionError, Type, Values
 from auv_torchrl.flightlog.streams.attitude import euler_angles, frd_of_flu, ned_of_enu, ned_of_enu_vector
 from auv_torchrl.flightlog.streams.stream import (
     WHICH_COMMANDS,
@@ -37,6 +37,7 @@ from auv_torchrl.flightlog.streams.stream import (
     state_of,
     stream,
 )
+from auv_torchrl.flightlog.tables.header import first_bytes
 from auv_torchrl.quantities import counted
 from auv_torchrl.text import MOST_CHARACTERS, printable
 

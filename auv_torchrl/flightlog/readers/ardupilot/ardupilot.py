@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding
-from auv_torchrl.flightlog.readers.ardupilot_sensors import depth, inertial
-from auv_torchrl.flightlog.readers.firmware import (
+from auv_torchrl.flightlog.readers.ardupilot.ardupilot_sensors import depth, inertial
+from auv_torchrl.flightlog.readers.ardupilot.firmware import (
     latest,
     leave_out_unknown,
     mode_name,

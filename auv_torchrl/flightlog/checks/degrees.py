@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.flightlog.checks.motion import blocks, force_balance, responses
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import ANGLES, POSE, VELOCITY, Episode, Floats
-from auv_torchrl.flightlog.motion import blocks, force_balance, responses
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.vehicle import Vehicle
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_torchrl.flightlog.checks.leaps import find_leaps
 from auv_torchrl.flightlog.findings import Finding, FlightLogError, Severity
-from auv_torchrl.flightlog.leaps import find_leaps
 from auv_torchrl.flightlog.log import ANGLES, Floats
 from auv_torchrl.flightlog.signals import runs
-from auv_torchrl.flightlog.table import Table
+from auv_torchrl.flightlog.tables.table import Table
 from auv_torchrl.quantities import counted, percent
 
 FROZEN_S = 1.0  # s without any change, from which a sensor with noise stands still,

@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from auv_torchrl.flightlog.agreement import NEEDED, reconcile
+from auv_torchrl.flightlog.checks.agreement import NEEDED, reconcile
+from auv_torchrl.flightlog.checks.motion import FEWEST_BLOCKS, SLOWEST, Blocks, Response, blocks, responses, rotations
+from auv_torchrl.flightlog.checks.readings import convert_units
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode, Floats
-from auv_torchrl.flightlog.motion import FEWEST_BLOCKS, SLOWEST, Blocks, Response, blocks, responses, rotations
-from auv_torchrl.flightlog.readings import convert_units
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_torchrl.flightlog.checks.motion import SLOWEST, blocks, responses, rotations
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import Episode
-from auv_torchrl.flightlog.motion import SLOWEST, blocks, responses, rotations
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.vehicle import Vehicle
 

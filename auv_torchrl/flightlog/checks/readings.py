@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auv_torchrl.flightlog.checks.motion import Blocks, blocks, force_balance
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import POSE, VELOCITY, Episode
-from auv_torchrl.flightlog.motion import Blocks, blocks, force_balance
 from auv_torchrl.quantities import percent
 from auv_torchrl.vehicle import Vehicle
 

@@ -18,7 +18,7 @@ from auv_torchrl.flightlog.readers.bounds import MIB, MOST_MESSAGE, MOST_NAME, L
 from auv_torchrl.flightlog.readers.packed_log import BAG, STORAGE
 from auv_torchrl.flightlog.readers.packings import DAMAGED, Chunks
 from auv_torchrl.flightlog.readers.recording import Channel, Messages, Wanted, short
-from auv_torchrl.flightlog.readers.ros_types import CDR, ROS1
+from auv_torchrl.flightlog.readers.ros.ros_types import CDR, ROS1
 from auv_torchrl.text import in_order
 
 SQLITE, BAG_1 = b"SQLite format 3\0", b"#ROSBAG V2"

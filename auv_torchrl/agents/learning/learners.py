@@ -5,10 +5,10 @@ from functools import singledispatch
 import torch
 
 from auv_torchrl.agents.config import AgentConfig, GradientConfig, OffPolicyConfig, PPOConfig
-from auv_torchrl.agents.gradient import GradientLearner
-from auv_torchrl.agents.learner import Learner
-from auv_torchrl.agents.off_policy import OffPolicyLearner
-from auv_torchrl.agents.on_policy import OnPolicyLearner
+from auv_torchrl.agents.learning.gradient import GradientLearner
+from auv_torchrl.agents.learning.learner import Learner
+from auv_torchrl.agents.learning.off_policy import OffPolicyLearner
+from auv_torchrl.agents.learning.on_policy import OnPolicyLearner
 
 
 @singledispatch
