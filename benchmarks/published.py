@@ -30,7 +30,7 @@ _MOTION = (
     "auv_torchrl/physics",
     "auv_torchrl/simulator",
     "auv_torchrl/effects",
-    "auv_torchrl/vehicle.py",
+    "auv_torchrl/vehicle",
     "conf/vehicle",
 )
 _FLEET = (*_MOTION, "auv_torchrl/envs", "auv_torchrl/tasks", "conf/randomization")

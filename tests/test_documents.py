@@ -14,7 +14,7 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import MOTION, read
 from auv_torchrl.sensors.instruments import ages
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_fields import SECTIONS
+from auv_torchrl.vehicle.fields import SECTIONS
 
 DOCS = PROJECT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))

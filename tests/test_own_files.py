@@ -31,7 +31,7 @@ from auv_torchrl.scenario import read_scenario
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 from tests.diagnosis.flown_logs import fly, hold
 from tests.own_python import BELOW, BOW_GAUGE, FOULING, SEMICOLONS
 

@@ -8,7 +8,7 @@ import pytest
 
 from auv_torchrl.paths import PROJECT, config_names
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
-from auv_torchrl.vehicle_fields import BY_LABEL
+from auv_torchrl.vehicle.fields import BY_LABEL
 from tests.entries import with_entry
 
 FILLED = {  # what a bluerov2 leaves out, or has as 0

@@ -12,8 +12,8 @@ import yaml
 from auv_torchrl.paths import PROJECT, config_names, config_path
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_fields import BY_LABEL, FIELD_OF, OLDER, VEHICLE_FIELDS, label, may_be_left_out
-from auv_torchrl.vehicle_file import described, entries, fold
+from auv_torchrl.vehicle.changed_file import described, entries, fold
+from auv_torchrl.vehicle.fields import BY_LABEL, FIELD_OF, OLDER, VEHICLE_FIELDS, label, may_be_left_out
 from tests.entries import with_entry
 
 NOT_IN_A_WRENCH = {"mixer"}  # the autopilot reads it, no equation of motion
@@ -22,7 +22,7 @@ import json, sys
 from types import ModuleType
 from pathlib import Path
 
-path = Path("auv_torchrl/vehicle_fields.py")
+path = Path("auv_torchrl/vehicle/fields.py")
 entry = '''    "ballast": Field(
         (3,), "kg", "mass at bow, middle and stern", "rigid_body", default=0.0, given=In("[0, inf)"),
         usual=In("[0, 5]", "kg"), mistaken={"g": 1e-3}, brief=True, later=True,
@@ -30,12 +30,12 @@ entry = '''    "ballast": Field(
 '''
 source = path.read_text()
 assert source.count("    # water\\n") == 1
-module = sys.modules["auv_torchrl.vehicle_fields"] = ModuleType("auv_torchrl.vehicle_fields")
+module = sys.modules["auv_torchrl.vehicle.fields"] = ModuleType("auv_torchrl.vehicle.fields")
 exec(compile(source.replace("    # water\\n", entry + "    # water\\n"), path, "exec"), module.__dict__)
 
 from auv_torchrl.physics import prepare
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file, vehicle_doubts
-from auv_torchrl.vehicle_file import described, entries, fold, section_lines
+from auv_torchrl.vehicle.changed_file import described, entries, fold, section_lines
 
 
 def loaded(**ballast):

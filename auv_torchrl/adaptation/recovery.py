@@ -16,7 +16,7 @@ from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import applied_thrust, thrust_target
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 BACK_M = 0.05  # a vehicle has recovered once it stays closer than this to the target
 BACK_RAD = 0.05  # and, where it steers by its heading, turns off from its course by less

@@ -15,7 +15,7 @@ from auv_torchrl.agents.trainer import Trainer
 from auv_torchrl.envs import RandomizeVehicle
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_file import described
+from auv_torchrl.vehicle.changed_file import described
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from auv_torchrl.physics.hydrodynamics import acceleration
 from auv_torchrl.physics.kinematics import heading_of, matvec, rotation_matrix, wrap_angle
 from auv_torchrl.tasks import Reference, Task
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 PROPORTIONAL = (10.0, 10.0, 10.0, 1.0)  # 1/m, 1/rad: `paper` leaves its dead band at 0.01 m; 3 is 5 times less precise
 DERIVATIVE = (1.0, 1.0, 1.0, 0.1)  # s/m, s/rad

@@ -19,7 +19,7 @@ from auv_torchrl.evaluation import draw_starts
 from auv_torchrl.files import locked
 from auv_torchrl.tasks import Task
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_file import described
+from auv_torchrl.vehicle.changed_file import described
 
 log = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.flight import Flight
 from auv_torchrl.physics import ActiveTerms, State, control_step, prepare
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 SPEED_NOISE = 0.02  # m/s and rad/s, standard deviation of what a particle's prediction of one step may miss
 WIDTH = 2.0  # standard deviations of the weighted particles, to each side

@@ -12,7 +12,7 @@ from auv_torchrl.command.errors import BadInput
 from auv_torchrl.command.overrides import Override, OverrideError, Sweep, read_override
 from auv_torchrl.paths import CONF, SCHEMA, config_names
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle_fields import may_be_left_out
+from auv_torchrl.vehicle.fields import may_be_left_out
 
 _LISTED = re.compile(r"""\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|[^,]*)\s*(?:,|$)""")  # quoted, or up to a comma
 

@@ -17,7 +17,7 @@ from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.pushes import thrust_turned, wrench_per_share
 from auv_torchrl.physics.thrusters import shares_turned, thrust_target
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 IDLE = 0.05  # of the thrust at the speed: less is turned to no effect
 EDGE = 1e-4  # share of full thrust kept clear of the dead band's edge, so that rounding does not fall into it

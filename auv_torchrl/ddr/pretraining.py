@@ -15,7 +15,7 @@ from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle, index_of
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 SLIP = 0.3  # speed aside over the speed ahead: 17 degrees, beyond which a hull stalls
 TURN = 0.35  # rad/m, turning over the speed ahead: a circle of 3 m radius

@@ -23,7 +23,7 @@ from auv_torchrl.ddr.pretraining import PretrainingConfig, pretrain
 from auv_torchrl.files import write_whole
 from auv_torchrl.tasks import Task, cruise_speed
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_file import described
+from auv_torchrl.vehicle.changed_file import described
 
 log = logging.getLogger(__name__)
 

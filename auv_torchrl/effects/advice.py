@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from auv_torchrl.autopilot import function_of, is_function
 from auv_torchrl.quantities import percent
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 Values = Mapping[str, float]
 

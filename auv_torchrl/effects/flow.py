@@ -10,7 +10,7 @@ from auv_torchrl.effects.body import per_dof
 from auv_torchrl.effects.effect import Array, Effect, Origin, Parameter, changed, own, sets
 from auv_torchrl.effects.trial import Scan, Trial
 from auv_torchrl.vehicle import CONTROLLED, DEGREES_OF_FREEDOM, Vehicle
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 
 def _own(field: str, degree: int) -> Callable[[Vehicle], float]:

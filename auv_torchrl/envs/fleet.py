@@ -19,7 +19,7 @@ from auv_torchrl.simulator.scene import SIZE, Scene
 from auv_torchrl.tasks import Task
 from auv_torchrl.tasks.judge import Judge
 from auv_torchrl.vehicle import Vehicle, index_of
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 Array = Any
 LARGEST = 1e6  # of an action, which is meant to be in [-1, 1]: what is squared in a reward stays finite

@@ -14,7 +14,7 @@ from auv_torchrl.effects import Effect, get_effect
 from auv_torchrl.envs.start import VEHICLE
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_tensors import tensordict_of, tensors
+from auv_torchrl.vehicle.tensors import tensordict_of, tensors
 
 TOGETHER = "together"  # of ranges: rows of a lower triangle, by which their first numbers are drawn together
 Ranges = list[tuple[Effect, dict[str, tuple[float, float]]]]

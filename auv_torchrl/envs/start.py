@@ -10,7 +10,7 @@ from torchrl.data import Composite, Unbounded
 from auv_torchrl.authority import check_control
 from auv_torchrl.tasks import Task, cruise_speed, fitted
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_tensors import vehicle_of
+from auv_torchrl.vehicle.tensors import vehicle_of
 
 BODY = {"position": 3, "quaternion": 4, "velocity": 6}  # entries of a start, with their lengths
 ALONG = "along"  # s along the task: of a start, where it begins; of a report, where the vehicle is

@@ -21,7 +21,7 @@ from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.quantities import counted
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 SHOWN = 12  # starts whose trajectory is drawn
 REFERENCE_WIDTH = 4.0  # points, broad enough to be seen below the paths on it

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_torchrl.files import write_text, write_whole
-from auv_torchrl.vehicle_fields import DEGREES_OF_FREEDOM
+from auv_torchrl.vehicle.fields import DEGREES_OF_FREEDOM
 
 CONTRACT, FORMAT, VERSION = "contract.json", "auv_torchrl export", 1
 FRAMES = {

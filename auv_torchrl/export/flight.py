@@ -16,7 +16,7 @@ from auv_torchrl.export.contract import TILT, ContractError, motion_name, read_e
 from auv_torchrl.extras import library
 from auv_torchrl.physics.kinematics import rotation_matrix
 from auv_torchrl.tasks import read_task
-from auv_torchrl.vehicle_fields import DEGREES_OF_FREEDOM
+from auv_torchrl.vehicle.fields import DEGREES_OF_FREEDOM
 
 Array = Any
 _MOTION = (*map(motion_name, DEGREES_OF_FREEDOM), *TILT)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from auv_torchrl.export.marks import Described, Kind, Mark
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 _FORCES, _SPEEDS = "XYZKMN", "uvwpqr"
 Row = tuple[str, float, str, Mark]  # symbol, value, unit, where it comes from

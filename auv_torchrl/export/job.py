@@ -29,7 +29,7 @@ from auv_torchrl.settings import check
 from auv_torchrl.simulator.base import FARTHEST, FASTEST
 from auv_torchrl.tasks import Task, read_task
 from auv_torchrl.vehicle import Vehicle, index_of, without_entry
-from auv_torchrl.vehicle_fields import VEHICLE_FIELDS
+from auv_torchrl.vehicle.fields import VEHICLE_FIELDS
 
 log = logging.getLogger("export")
 

@@ -16,8 +16,8 @@ from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration, read
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics.coefficients import total_mass_matrix
 from auv_torchrl.vehicle import Vehicle, load_vehicle, read_vehicle_file
-from auv_torchrl.vehicle_fields import VEHICLE_FIELDS
-from auv_torchrl.vehicle_file import fold
+from auv_torchrl.vehicle.changed_file import fold
+from auv_torchrl.vehicle.fields import VEHICLE_FIELDS
 
 TIED = 0.9  # correlation from which on two numbers are told together
 SCALED = 0.5  # share of a width that is the scale which no log tells, from which on a number is tied to it

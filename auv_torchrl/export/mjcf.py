@@ -15,7 +15,7 @@ from auv_torchrl.export.marks import Described
 from auv_torchrl.physics import prepare
 from auv_torchrl.physics.coefficients import allocation_matrix, total_mass_matrix
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_fields import DEGREES_OF_FREEDOM, GRAVITY, WATER_DENSITY
+from auv_torchrl.vehicle.fields import DEGREES_OF_FREEDOM, GRAVITY, WATER_DENSITY
 
 SLIGHT = 1e-6  # kg, of bodies that stand for forces
 PLATES = 16  # for each axis: smaller ones resist a turn less

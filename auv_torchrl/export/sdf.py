@@ -11,7 +11,7 @@ import numpy as np
 from auv_torchrl.export.marks import Described
 from auv_torchrl.export.mjcf import left_out
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_fields import GRAVITY, WATER_DENSITY
+from auv_torchrl.vehicle.fields import GRAVITY, WATER_DENSITY
 
 FLIP = np.array((1.0, -1.0, -1.0))  # from front, right, down to front, left, up
 SYMBOLS = (("x", "U"), ("y", "V"), ("z", "W"), ("k", "P"), ("m", "Q"), ("n", "R"))  # force and speed of each axis

@@ -10,7 +10,7 @@ import numpy as np
 from auv_torchrl.export.flight import ExportedPolicy
 from auv_torchrl.fly.safety import Motion
 from auv_torchrl.physics.kinematics import heading_of, quaternion_product
-from auv_torchrl.vehicle_fields import CONTROLLED
+from auv_torchrl.vehicle.fields import CONTROLLED
 
 
 class Flyer:

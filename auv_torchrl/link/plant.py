@@ -16,7 +16,7 @@ from auv_torchrl.scenario import Scenario
 from auv_torchrl.sensors import MOTION, SENSORS, ages
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 LONGEST_STEP_S = CONTROL_DT  # for which the physics is stable; ArduSub, too, paces no step of 0.1 s or more
 

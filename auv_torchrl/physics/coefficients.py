@@ -9,7 +9,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.array_api import diagonal_matrix, host, joined, like, vector
 from auv_torchrl.physics.kinematics import cross
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_fields import GRAVITY, VEHICLE_FIELDS, WATER_DENSITY
+from auv_torchrl.vehicle.fields import GRAVITY, VEHICLE_FIELDS, WATER_DENSITY
 
 Array = Any
 
@@ -34,7 +34,7 @@ class Coefficients(namedtuple("Coefficients", (*_WORKED_OUT, *_COPIED))):
 
     ``mass_inverse``, ``mass_matrix``, ``restoring``, ``allocation``, ``direction``, ``fin_chord`` and ``hull_height``
     are worked out by :func:`prepare`. The others are parameters of
-    :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS` as they are, but for ``servo_rate``, which is that of servos
+    :data:`auv_torchrl.vehicle.fields.VEHICLE_FIELDS` as they are, but for ``servo_rate``, which is that of servos
     alone; the wrench has the ``gain`` from the allocation, and reports of the thrust read it.
     """
 

@@ -20,7 +20,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.physics.coefficients import ActiveTerms, Coefficients
 from auv_torchrl.physics.kinematics import cross, matvec
 from auv_torchrl.physics.surface import given_in_water
-from auv_torchrl.vehicle_fields import WATER_DENSITY
+from auv_torchrl.vehicle.fields import WATER_DENSITY
 
 Array = Any
 ACROSS = 1.17  # of a square plate across the flow, Hoerner 1965, section 3

@@ -15,7 +15,7 @@ from auv_torchrl.recording.file import write_recording
 from auv_torchrl.recording.flight import OneFlight, record_flight
 from auv_torchrl.recording.series import record_reference, record_series, thruster_series
 from auv_torchrl.vehicle import CONTROLLED, Vehicle, index_of
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 PATHS = 24  # starts whose path is drawn
 VEHICLES = 2  # starts whose vehicle moves along it

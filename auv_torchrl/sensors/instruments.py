@@ -11,7 +11,7 @@ from auv_torchrl.physics.coefficients import Coefficients
 from auv_torchrl.physics.kinematics import cross
 from auv_torchrl.registry import Registry
 from auv_torchrl.sensors.sensor import FELT, Sensor, at_once
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 Array = Any
 

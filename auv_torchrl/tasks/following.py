@@ -16,7 +16,7 @@ from auv_torchrl.physics.kinematics import (
 )
 from auv_torchrl.settings import In, check_fields
 from auv_torchrl.tasks.task import Reference, Task
-from auv_torchrl.vehicle_fields import CONTROLLED
+from auv_torchrl.vehicle.fields import CONTROLLED
 
 if TYPE_CHECKING:
     import torch

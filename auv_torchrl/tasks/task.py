@@ -12,7 +12,7 @@ from array_api_compat import array_namespace
 from auv_torchrl.physics.kinematics import heading_of, matvec
 from auv_torchrl.physics.pace import CONTROL_DT
 from auv_torchrl.settings import In
-from auv_torchrl.vehicle_fields import CONTROLLED
+from auv_torchrl.vehicle.fields import CONTROLLED
 
 if TYPE_CHECKING:
     import torch

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from auv_torchrl.settings import Entries, OneOf
 from auv_torchrl.tasks.task import Task
-from auv_torchrl.vehicle_fields import DEGREES_OF_FREEDOM
+from auv_torchrl.vehicle.fields import DEGREES_OF_FREEDOM
 
 if TYPE_CHECKING:
     from auv_torchrl.vehicle import Vehicle

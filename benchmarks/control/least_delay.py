@@ -13,7 +13,7 @@ from auv_torchrl.adaptation.recovery import altered_thrust
 from auv_torchrl.flight import Flight
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 _D = len(CONTROLLED)
 

@@ -26,7 +26,7 @@ from auv_torchrl.physics.hydrodynamics import drag
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 from benchmarks.control.source import STORE, source_policy
 
 START_M = (0.18, -0.46, -0.40)  # section 5.2

@@ -18,7 +18,7 @@ from auv_torchrl.physics.coefficients import allocation_matrix
 from auv_torchrl.physics.kinematics import quaternion_from_euler, quaternion_product, rotation_matrix
 from auv_torchrl.physics.thrusters import thrust_target
 from auv_torchrl.vehicle import CONTROLLED, CONTROLLED_INDEX, Vehicle
-from auv_torchrl.vehicle_fields import GRAVITY, WATER_DENSITY
+from auv_torchrl.vehicle.fields import GRAVITY, WATER_DENSITY
 from benchmarks.versus.parameters import Free, Modifier, as_sysid, free, of_effect, pointing
 from benchmarks.versus.toolbox import mujoco, rollout, sysid
 from benchmarks.versus.windows import MEMORY, NOISE, Windows, wrapped

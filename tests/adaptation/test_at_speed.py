@@ -21,7 +21,7 @@ from auv_torchrl.physics.pushes import steady_thrust
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import Cruise
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 from auv_torchrl.yaml_file import read_yaml
 from tests.helmsmen import helmsman_of_torpedo, helmsman_of_vessel
 

@@ -7,7 +7,7 @@ import torch
 from auv_torchrl.adaptation.motion import SourceMotion
 from auv_torchrl.physics import ActiveTerms, control_step, prepare, rest_state
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 from tests.hovering import HOVERING
 
 

@@ -14,7 +14,7 @@ from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.thrusters import straight_through_targets, thrust_targets
 from auv_torchrl.tasks import TASKS, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.07])

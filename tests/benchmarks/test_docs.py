@@ -14,7 +14,7 @@ from auv_torchrl.paths import OWN, PROJECT
 from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import MOTION, read
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_file import described
+from auv_torchrl.vehicle.changed_file import described
 from benchmarks.blind.outside import OUTSIDE
 from tests.flightlog.simulate import simulated_logs
 

@@ -17,7 +17,7 @@ from auv_torchrl.evaluation import Metrics, draw_starts, fly
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import Cruise, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 from tests.helmsmen import helmsman_of_torpedo, helmsman_of_vessel
 
 REMUS, OTTER, FERRY = load_vehicle("remus100"), load_vehicle("otter"), load_vehicle("milliampere")

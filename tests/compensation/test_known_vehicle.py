@@ -18,7 +18,7 @@ from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 VEHICLE = load_vehicle("paper")
 TASK = StationKeeping().for_evaluation(1.0)

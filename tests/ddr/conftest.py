@@ -16,7 +16,7 @@ from auv_torchrl.paths import config_path
 from auv_torchrl.scenario import Scenario, read_scenario
 from auv_torchrl.tasks import StationKeeping
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 TASK = StationKeeping(start_speed=0.5, tilt=False)  # small models learn level flight in seconds
 

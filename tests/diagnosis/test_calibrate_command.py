@@ -235,7 +235,7 @@ def test_a_vehicle_that_was_not_calibrated_keeps_nothing():
 def test_gains_and_trim_become_coefficients_without_changing_the_motion():
     """Folding is exact, also for a thruster that turns the other way and a file with roll and pitch free."""
     from auv_torchrl.diagnosis.identify.hypotheses import apply_values
-    from auv_torchrl.vehicle_file import entries, fold
+    from auv_torchrl.vehicle.changed_file import entries, fold
 
     values = {"thruster_gain": {"gain_1": -0.7, "gain_4": 1.3}, "buoyancy": {"force": 3.0}}
     values |= {"drag_coupling": {"drag_sway_from_yaw": 2.0}, "added_mass": {"scale_surge": 0.6}}

@@ -11,7 +11,7 @@ from auv_torchrl.diagnosis.calibrate.flights import FlightInformation, fit_fligh
 from auv_torchrl.diagnosis.calibrate.parameters import NuisanceParameters, VehicleEstimate, state_nuisance
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_file import described
+from auv_torchrl.vehicle.changed_file import described
 from tests.diagnosis.flown_logs import fly, hold
 
 SPREAD = 0.5  # N, of the trim from flight to flight, as stated

@@ -13,7 +13,7 @@ from auv_torchrl.envs.randomize import read_ranges
 from auv_torchrl.paths import config_names, config_path
 from auv_torchrl.tasks import Cruise, StationKeeping
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_tensors import tensordict_of, tensors
+from auv_torchrl.vehicle.tensors import tensordict_of, tensors
 from tests.hovering import ACTING, SERVO_EFFECTS, one_for
 
 PAPER = load_vehicle("paper")

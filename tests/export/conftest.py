@@ -17,7 +17,7 @@ from auv_torchrl.ddr.network import NetworkMap
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.tasks import StationKeeping, Task, fitted
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from auv_torchrl.vehicle_file import described
+from auv_torchrl.vehicle.changed_file import described
 
 MISSING = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
 EXTRAS = "pip install 'auv_torchrl[export,fly]'"

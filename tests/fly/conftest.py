@@ -24,7 +24,7 @@ def steered(vehicle_name="bluerov2_heavy", task=None):
     from auv_torchrl.agents.policy import SourcePolicy, fingerprint
     from auv_torchrl.tasks import StationKeeping
     from auv_torchrl.vehicle import load_vehicle
-    from auv_torchrl.vehicle_file import described
+    from auv_torchrl.vehicle.changed_file import described
 
     vehicle, task = load_vehicle(vehicle_name), task or StationKeeping()
     names = list(task.observation_names)

@@ -5,7 +5,7 @@ import torch
 
 from auv_torchrl.physics import ActiveTerms, Advance, State, control_step, prepare, rates
 from auv_torchrl.vehicle import Vehicle
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 
 
 def assert_same_steps(vehicle: Vehicle, state: State, command: np.ndarray) -> None:

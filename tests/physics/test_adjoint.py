@@ -12,7 +12,7 @@ from auv_torchrl.physics.kernel import Advance, native
 from auv_torchrl.physics.kernel.reverse import pulled_back
 from auv_torchrl.physics.kernel.symbols import Symbols, Tape
 from auv_torchrl.physics.step import runge_kutta_steps
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.tensors import tensors
 from tests.physics.test_kernel import H, drawn_vehicles, names, seeds
 
 STEPS = 3

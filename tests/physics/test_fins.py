@@ -15,7 +15,7 @@ from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.simulator import PlainSimulator
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_fields import WATER_DENSITY
+from auv_torchrl.vehicle.fields import WATER_DENSITY
 from tests.physics.compiled import assert_same_accelerations, assert_same_gradients, assert_same_steps
 
 REMUS = load_vehicle("remus100")

@@ -23,8 +23,8 @@ from auv_torchrl.physics.kinematics import (
 )
 from auv_torchrl.physics.step import runge_kutta_step
 from auv_torchrl.vehicle import load_vehicle
-from auv_torchrl.vehicle_fields import GRAVITY
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.fields import GRAVITY
+from auv_torchrl.vehicle.tensors import tensors
 
 VEHICLES = config_names("vehicle")
 seeds = st.integers(0, 2**31 - 1)

@@ -14,9 +14,9 @@ from auv_torchrl.physics.surface import FULL_BELOW, NONE_ABOVE, PROPELLER_RADIUS
 from auv_torchrl.simulator import PlainSimulator, at_rest
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file, stacked
-from auv_torchrl.vehicle_fields import GRAVITY
-from auv_torchrl.vehicle_file import entries, fold
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.changed_file import entries, fold
+from auv_torchrl.vehicle.fields import GRAVITY
+from auv_torchrl.vehicle.tensors import tensors
 from tests.physics.test_adjoint import flight, outcome
 from tests.physics.test_kernel import H, assert_equal, drawn_flight, names, seeds, written
 from tests.uneven import load_any

@@ -13,8 +13,8 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.physics.kinematics import quaternion_from_euler
 from auv_torchrl.sensors import MOTION, Inverse, measured_velocity, motion_of, read
 from auv_torchrl.vehicle import load_vehicle, read_vehicle_file
-from auv_torchrl.vehicle_file import described, entries, fold
-from auv_torchrl.vehicle_tensors import tensors
+from auv_torchrl.vehicle.changed_file import described, entries, fold
+from auv_torchrl.vehicle.tensors import tensors
 
 PAPER = load_vehicle("paper")
 LOGS = {  # channels, and the velocities of them that are no more than what the instrument says

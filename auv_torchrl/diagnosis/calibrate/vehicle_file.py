@@ -24,7 +24,7 @@ from auv_torchrl.quantities import counted
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.settings import choices
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle, load_vehicle
-from auv_torchrl.vehicle_file import DIGITS, entries, flow, fold, section_lines
+from auv_torchrl.vehicle.changed_file import DIGITS, entries, flow, fold, section_lines
 
 KEYS = (
     "logs", "seconds", "vehicle", "made", "version", "excess", "level", "floor", "noise", "rough_noise",

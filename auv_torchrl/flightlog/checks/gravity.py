@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_torchrl.flightlog.findings import Finding, Severity
 from auv_torchrl.flightlog.log import ACCELERATION, POSE, Episode, Floats
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 UNITS = {"g": GRAVITY, "mg": GRAVITY * 1e-3, "feet per second squared": 0.3048}  # m/s^2 in one of each
 NAMED_WITHIN = 0.08  # relative, of the weight: no accelerometer is as far off, and no two of these units are as near

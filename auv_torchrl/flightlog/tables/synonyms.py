@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auv_torchrl.vehicle import DEGREES_OF_FREEDOM
-from auv_torchrl.vehicle_fields import GRAVITY
+from auv_torchrl.vehicle.fields import GRAVITY
 
 CHANNELS = {
     "t": "time in s", "episode": "number of the episode",

@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from auv_torchrl.vehicle_fields import COMMENTS, VEHICLE_FIELDS, Field
+from auv_torchrl.vehicle.fields import COMMENTS, VEHICLE_FIELDS, Field
 
 DIGITS = 8  # significant, of each number that is written
 SAME = 1e-6  # relative, of what was calibrated and what the file says after rounding

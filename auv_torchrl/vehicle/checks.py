@@ -1,6 +1,6 @@
 """Numbers of a vehicle file that cannot be, or hardly can: which they are, and which unit they look like.
 
-A number by itself has bounds in :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS`. Here stand the ratios of several:
+A number by itself has bounds in :data:`auv_torchrl.vehicle.fields.VEHICLE_FIELDS`. Here stand the ratios of several:
 what is large for one vehicle is small for another, so that sizes are told from the volume of displaced water. Where
 numbers are out of bounds, each is converted from the units that people mistake; the one that mends them is named.
 """
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.settings import In
-from auv_torchrl.vehicle_fields import BY_LABEL, GRAVITY, WATER_DENSITY, Factor
+from auv_torchrl.vehicle.fields import BY_LABEL, GRAVITY, WATER_DENSITY, Factor
 
 NEARLY_EQUAL = np.log(1.5)  # of conversions that lead about as near to what is typical, all are named
 ROUNDED = 1e-3  # relative, of moments of inertia that are written with three digits

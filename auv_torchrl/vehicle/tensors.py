@@ -4,7 +4,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 
 from auv_torchrl.vehicle import Array, Vehicle
-from auv_torchrl.vehicle_fields import VEHICLE_FIELDS
+from auv_torchrl.vehicle.fields import VEHICLE_FIELDS
 
 
 def tensors(vehicle: Vehicle, dtype: torch.dtype = torch.float64, device: torch.device | str | None = None) -> Vehicle:

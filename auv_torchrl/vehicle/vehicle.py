@@ -20,10 +20,10 @@ from auv_torchrl.array_api import copied, host
 from auv_torchrl.paths import config_path
 from auv_torchrl.quantities import counted
 from auv_torchrl.settings import choices
-from auv_torchrl.vehicle_checks import doubts, impossible
-from auv_torchrl.vehicle_entries import read_entry
-from auv_torchrl.vehicle_fields import BY_LABEL, CONTROLLED, DEGREES_OF_FREEDOM, FIELD_OF, OLDER, SECTIONS, Field, label
-from auv_torchrl.vehicle_fields import VEHICLE_FIELDS as FIELDS
+from auv_torchrl.vehicle.checks import doubts, impossible
+from auv_torchrl.vehicle.entries import read_entry
+from auv_torchrl.vehicle.fields import BY_LABEL, CONTROLLED, DEGREES_OF_FREEDOM, FIELD_OF, OLDER, SECTIONS, Field, label
+from auv_torchrl.vehicle.fields import VEHICLE_FIELDS as FIELDS
 from auv_torchrl.yaml_file import read_yaml
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ class Actuators:
 class Vehicle(Actuators):
     """Physical parameters of a batch of vehicles: arrays of one library, of one precision.
 
-    The fields are those of :data:`auv_torchrl.vehicle_fields.VEHICLE_FIELDS`, which says the shape behind the batch,
+    The fields are those of :data:`auv_torchrl.vehicle.fields.VEHICLE_FIELDS`, which says the shape behind the batch,
     the unit and the meaning of each. Fields are never replaced, :meth:`replace` makes another vehicle; what is in them
     is, by :meth:`write_rows` of a vehicle that :meth:`clone` made.
     """

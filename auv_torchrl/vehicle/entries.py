@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from auv_torchrl.quantities import counted
-from auv_torchrl.vehicle_checks import looks_like
-from auv_torchrl.vehicle_fields import BY_LABEL
+from auv_torchrl.vehicle.checks import looks_like
+from auv_torchrl.vehicle.fields import BY_LABEL
 
 
 def read_entry(label: str, value: Any, position: Any) -> np.ndarray:

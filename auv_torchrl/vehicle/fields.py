@@ -47,7 +47,7 @@ class Field:
     default: float | EllipsisType = ...  # of a nominal vehicle without an entry, in every place, or on the diagonal of
     # a square matrix; ... where the file must have the entry
     given: In = _ANY  # what is possible
-    usual: In = _ANY  # what is plausible for a vehicle of any size; :mod:`vehicle_checks` has what depends on the size
+    usual: In = _ANY  # what is plausible for a vehicle of any size; ``checks`` has what depends on the size
     mistaken: Mapping[str, Factor] = field(default_factory=dict)  # units, and their factors to SI
     note: str = ""  # behind the unit, where a file is written
     brief: bool = False  # a written file leaves the entry out where it is 0
