@@ -89,11 +89,16 @@ def unpacked(data: Path, labels: Iterable[str]) -> Iterator[tuple[Path, ...]]:
 
 
 def alarms_of(found: Diagnosis, doubt: str = "") -> tuple[str, ...]:
-    """The faults that a diagnosis tells of, and doubts about the log that neither notes nor parameters bear."""
+    """The faults that a diagnosis tells of, and doubts about the log, that neither notes nor parameters bear.
+
+    That a thruster pushes otherwise is borne where the log itself says that the direction of its motor was set.
+    """
     faults = [e.name for e in found.effects if e.probability >= LIKELY and not e.calibrates]
     unlike = told_of_one(found)
+    one = re.match(r"thruster (\d+) ", unlike)
+    is_borne = one is not None and any(f"MOT_{one[1]}_DIRECTION was set" in f.sentence for f in found.findings)
     unborne = [f.code for f in doubts(found.findings) if not (doubt and doubt in f.sentence)]
-    return (*faults, *([unlike] if unlike else []), *unborne)
+    return (*faults, *([unlike] if unlike and not is_borne else []), *unborne)
 
 
 def told_of_one(found: Diagnosis) -> str:

@@ -269,6 +269,15 @@ def test_an_alarm_is_what_names_a_fault_that_nothing_bears(effects, where, verdi
     assert orca.alarms_of(found, doubt) == alarms
 
 
+@pytest.mark.parametrize(("motor", "borne"), [(3, True), (4, False)])
+def test_the_direction_of_a_motor_that_was_set_bears_that_its_thruster_pushes_otherwise(motor, borne):
+    """Of that motor, and of no other one."""
+    located = SimpleNamespace(thruster={3: 1.0}, intermittence=None, thrust_map=None)
+    findings = (Finding(Severity.WARNING, "set", f"MOT_{motor}_DIRECTION was set from 1 to -1 at 34.3 s"),)
+    found: Any = SimpleNamespace(effects=(), where=located, verdict=Verdict.UNEXPLAINED, findings=findings)
+    assert (orca.alarms_of(found) == ()) is borne
+
+
 @pytest.mark.parametrize(("share", "at_rest", "dead"), [(0.0, -0.07, 1), (0.0, 0.0, 1), (1.0, -0.07, 0), (0.6, 0.0, 0)])
 def test_a_thruster_that_answers_no_command_is_called_dead(share, at_rest, dead):
     """Whether it pushes all the time or never; not one that pushes at rest, or is weak."""

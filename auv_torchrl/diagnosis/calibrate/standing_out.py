@@ -2,7 +2,8 @@
 
 A correction of a vehicle's file frees the gain of every thruster, and so takes up a fault of one of them. What all
 thrusters lose together is an error of the file, or the volts. What one loses beside the others is a fault. Sound
-thrusters of one make differ by some per cent: they are worn, and stand in the wake of the frame.
+thrusters of one make differ by some per cent: they are worn, and stand in the wake of the frame. Where the others
+differ by more, the correction has taken up what no gain does, and one that differs as much is no outlier.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,9 @@ import numpy as np
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, shared_family
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import DIFFER_BY, FEWEST_OF_FAMILY, WORTH_AN_EFFECT
+
+NORMAL = 1.4826  # standard deviations of a normal distribution in one median distance from its median
+LEAST = 1e-9  # of a mean, in units of the file's value: that of members that give nothing together
 
 
 @dataclass(frozen=True)
@@ -28,8 +32,8 @@ class Outlier:
 def standing_out(coefficients: Sequence[Coefficient], values: Floats, covariance: Floats) -> tuple[Outlier, ...]:
     """The members that stand out, the surest first.
 
-    The ratio of a member to the mean of the others is 1 within ``DIFFER_BY`` where all are sound. It may be anything
-    between nothing and twice as much, either way round, where that member is at fault.
+    The ratio of a member to the mean of the others is 1 within ``DIFFER_BY``, or what the others differ by, where all
+    are sound. It may be anything between nothing and twice as much, either way round, where that member is at fault.
 
     Args:
         coefficients: (k,) what was fitted.
@@ -49,7 +53,12 @@ def standing_out(coefficients: Sequence[Coefficient], values: Floats, covariance
     for members in families.values():
         while len(members) > FEWEST_OF_FAMILY:
             count = len(members)
-            odds = {place: _log_odds(*_to_others(place, members, values, covariance), count) for place in members}
+            odds = {
+                place: _log_odds(
+                    *_to_others(place, members, values, covariance), _differ_by(place, members, values), count
+                )
+                for place in members
+            }
             first = max(odds, key=lambda place: odds[place])
             if odds[first] <= 0:
                 break
@@ -70,9 +79,16 @@ def _to_others(place: int, members: Sequence[int], values: Floats, covariance: F
     return ratio, float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
 
 
-def _log_odds(ratio: float, deviation: float, count: int) -> float:
-    """Log odds that one of a ``count`` is at fault, and not as the others are."""
-    sound = np.hypot(deviation, DIFFER_BY * np.sqrt(1 + 1 / (count - 1)))
+def _differ_by(place: int, members: Sequence[int], values: Floats) -> float:
+    """By which share of their mean the members differ but for one, by the median: another outlier plays no part."""
+    others = values[[one for one in members if one != place]]
+    apart = NORMAL * float(np.median(np.abs(others - np.median(others))))
+    return max(DIFFER_BY, apart / max(abs(float(others.mean())), LEAST))
+
+
+def _log_odds(ratio: float, deviation: float, differ_by: float, count: int) -> float:
+    """Log odds that one of a ``count`` is at fault, and not as the others are, which differ by a share."""
+    sound = np.hypot(deviation, differ_by * np.sqrt(1 + 1 / (count - 1)))
     faulty = np.hypot(deviation, 1.0)
     off = ratio - 1.0
     return float(0.5 * (off / sound) ** 2 - 0.5 * (off / faulty) ** 2 + np.log(sound / faulty)) - WORTH_AN_EFFECT
