@@ -17,7 +17,8 @@ def of_bench(name: str, command: str) -> Labels:
 def of_sealed(part: str | None, command: str) -> Labels:
     """Of a part of the sealed benchmark; its command says how many cases there are."""
     from auv_torchrl.effects import EFFECTS
-    from benchmarks.blind import cases, damages, outside, score, score_sensors, score_strangers, sensor_sets, strangers
+    from benchmarks.blind.flights import cases, damages, outside, sensor_sets, strangers
+    from benchmarks.blind.scores import score, score_sensors, score_strangers
 
     found = re.search(r"cases=(\d+)", command)
     count = int(found[1]) if found else 0
@@ -63,7 +64,7 @@ def of_without(command: str) -> Labels:
 
 def of_paired(command: str) -> Labels:
     """Of two versions of the diagnosis; the command says how many logs there are."""
-    from benchmarks.blind.cases import FAMILIES, SET_FAMILIES
+    from benchmarks.blind.flights.cases import FAMILIES, SET_FAMILIES
     from benchmarks.blind.paired import ALL, COUNTED, TIMES
 
     found = re.search(r"paired (\d+)_cases", command)
@@ -97,7 +98,7 @@ def of_underway(part: str, command: str) -> Labels:
 
 def of_versus(command: str) -> Labels:
     """Of the sealed logs that mujoco.sysid got, too; the command says how many there are."""
-    from benchmarks.blind.sizes import CLEAR
+    from benchmarks.blind.flights.sizes import CLEAR
     from benchmarks.versus import labels
 
     found = re.search(r"--cases (\d+)", command)
@@ -119,7 +120,8 @@ def _one(labels: Iterable[str]) -> Labels:
 
 
 def _conditions() -> Iterator[str]:
-    from benchmarks.blind import cases, score
+    from benchmarks.blind.flights import cases
+    from benchmarks.blind.scores import score
 
     yield from (score.LENGTH.format(length) for length in (*cases.SHORT_S, 30.0 * cases.EPISODES))
     yield from (score.NOISE.format(2 * noise, 0.004 * noise) for noise in (1.0, *cases.NOISES))

@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
 from auv_torchrl.effects import EFFECTS, get_effect
 from auv_torchrl.effects.effect import Parameter
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.thrusters import declared_groups, exchangeable, same_class
+from benchmarks.blind.scores.thrusters import declared_groups, exchangeable, same_class
 
 LIKELY = 0.5  # probability above which a name is a claim
 NEAR = 0.2  # of its departure from nominal, that a value may be off by

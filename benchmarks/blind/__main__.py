@@ -14,14 +14,14 @@ from auv_torchrl.settings import check
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import provenance
 from benchmarks.blind.examine import examine, read_answers
-from benchmarks.blind.figures import draw_figures
-from benchmarks.blind.fly import fly
-from benchmarks.blind.judge import judge
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.blind.parts import Part
-from benchmarks.blind.report import markdown, publish, section, write_report
 from benchmarks.blind.schema import BlindSchema, register
+from benchmarks.blind.scores.figures import draw_figures
+from benchmarks.blind.scores.judge import judge
+from benchmarks.blind.scores.report import markdown, publish, section, write_report
 from benchmarks.blind.seal import answers_folder, is_sealed, open_labels, seal
-from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.published import SECTIONS
 
 BATCH = 24  # cases flown at once: 0.1 GB

@@ -21,7 +21,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.blind.table import Table
+from benchmarks.blind.scores.table import Table
 
 FACTOR = 4.0  # a threshold that is four times too large or too small lets all pass, or nothing
 APART = 0.5  # half widths of its interval, by which a value has moved
@@ -153,7 +153,7 @@ def main() -> None:
     for folder in asked.folders:
         if not (folder / "manifest.json").exists():
             parser.error(f"no sealed logs in {folder}: fly them by python -m benchmarks.blind cases=40 seed=...")
-    from benchmarks.blind.report import markdown
+    from benchmarks.blind.scores.report import markdown
 
     changed = {name: changed[name] for name in asked.only or changed}
     changes = {name: {name: value} for name, value in changed.items()}

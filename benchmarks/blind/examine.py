@@ -18,8 +18,8 @@ from auv_torchrl.diagnosis.verdict import to_json
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
 from auv_torchrl.parallel import each
 from auv_torchrl.vehicle import load_vehicle
+from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.blind.seal import log_path, read_manifest, write_json
-from benchmarks.blind.sensor_sets import sensor_set
 
 log = logging.getLogger(__name__)
 

@@ -19,10 +19,10 @@ from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import published
 from benchmarks.blind.examine import read_answers
-from benchmarks.blind.judge import Judgement, judge
+from benchmarks.blind.flights.sensor_sets import sensor_set
+from benchmarks.blind.scores.judge import Judgement, judge
+from benchmarks.blind.scores.table import Z_95, Table
 from benchmarks.blind.seal import answers_folder, open_labels, read_manifest
-from benchmarks.blind.sensor_sets import sensor_set
-from benchmarks.blind.table import Z_95, Table
 from benchmarks.scoring import Score
 
 PAGE, SECTION = PROJECT / "docs" / "results" / "ablation.md", "paired"  # with the kind of logs, where they have one
@@ -130,7 +130,7 @@ def main() -> None:
         parser.error(f"the folders hold logs of several kinds ({kinds}): give those of one")
     section = f"{SECTION} {kind}".strip()
     commit = published.commit_to_name(parser, PAGE, section, asked.publish)
-    from benchmarks.blind.report import markdown
+    from benchmarks.blind.scores.report import markdown
 
     pairs = [pair for folder in asked.folders for pair in pairs_of(folder, folder / asked.before)]
     text = "\n\n".join(map(markdown, tables(pairs, asked.called, kind)))

@@ -9,13 +9,13 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from benchmarks.blind.cases import Case, draw_cases
-from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import tables
-from benchmarks.blind.score_sensors import set_tables
-from benchmarks.blind.score_strangers import stranger_tables
-from benchmarks.blind.strangers import draw_stranger_cases, healthy_flights
-from benchmarks.blind.table import Table
+from benchmarks.blind.flights.cases import Case, draw_cases
+from benchmarks.blind.flights.strangers import draw_stranger_cases, healthy_flights
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.score import tables
+from benchmarks.blind.scores.score_sensors import set_tables
+from benchmarks.blind.scores.score_strangers import stranger_tables
+from benchmarks.blind.scores.table import Table
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
 
 from auv_torchrl.settings import In, OneOf, Seed
-from benchmarks.blind.sensor_sets import SENSOR_SETS
+from benchmarks.blind.flights.sensor_sets import SENSOR_SETS
 
 
 @dataclass

@@ -14,8 +14,8 @@ import numpy as np
 import auv_torchrl.diagnosis
 from auv_torchrl.files import write_whole
 from auv_torchrl.flightlog import FlightLog, raw_columns, write_columns
-from benchmarks.blind.cases import HEALTHY
-from benchmarks.blind.damages import DAMAGES, Columns, Damage, damaged, shows_fault
+from benchmarks.blind.flights.cases import HEALTHY
+from benchmarks.blind.flights.damages import DAMAGES, Columns, Damage, damaged, shows_fault
 
 MANIFEST = "manifest.json"
 LABELS = Path("sealed") / "labels.json"

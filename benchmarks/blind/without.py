@@ -21,7 +21,7 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks.blind.ablation import Case, difference
-from benchmarks.blind.table import Table
+from benchmarks.blind.scores.table import Table
 from benchmarks.published import RESULTS, commit_to_name, publish
 
 DIAGNOSIS = "auv_torchrl.diagnosis"
@@ -221,7 +221,7 @@ def main() -> None:
         parser.error(f"no parts: {', '.join(sorted(unknown))}: there are {', '.join(PARTS)}")
     section = SOME if asked.only else SECTION
     commit = commit_to_name(parser, PAGE, section, asked.publish)
-    from benchmarks.blind.report import markdown
+    from benchmarks.blind.scores.report import markdown
 
     cases, changed = cases_of(asked.folders, asked.logs), {}
     names = asked.only or list(PARTS)

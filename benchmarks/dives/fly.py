@@ -11,7 +11,7 @@ from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.pilots import Pilots
+from benchmarks.blind.flights.pilots import Pilots
 
 AXES = ("x", "y", "z", "yaw")
 NOISE = np.repeat((0.002, 0.004), 3)  # m, rad: motion capture

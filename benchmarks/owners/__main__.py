@@ -11,10 +11,10 @@ from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import published, show_progress
 from benchmarks.blind.examine import examine, read_answers
-from benchmarks.blind.fly import fly
-from benchmarks.blind.report import markdown
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.sensor_sets import SENSOR_SETS, sensor_set
+from benchmarks.blind.scores.report import markdown
 from benchmarks.blind.seal import answers_folder, is_sealed, open_labels, seal
-from benchmarks.blind.sensor_sets import SENSOR_SETS, sensor_set
 from benchmarks.owners.acts import ACTS
 from benchmarks.owners.cases import draw_owner_cases
 from benchmarks.owners.score import Outcome, owner_tables, score_owner

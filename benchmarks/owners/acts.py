@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from typing_extensions import override
 
-from benchmarks.blind.outside import Outside
-from benchmarks.blind.plant import Influences, Motion
+from benchmarks.blind.flights.outside import Outside
+from benchmarks.blind.flights.plant import Influences, Motion
 
 REST_S, RUN_S = (1.0, 6.0), (1.0, 6.0)  # how long a loose plug is off and on, on average: a bout is one stick movement
 

@@ -6,9 +6,9 @@ from itertools import cycle
 
 import numpy as np
 
-from benchmarks.blind.cases import SLACK, Case
-from benchmarks.blind.sensor_sets import sensor_set
-from benchmarks.blind.strangers import healthy_flights
+from benchmarks.blind.flights.cases import SLACK, Case
+from benchmarks.blind.flights.sensor_sets import sensor_set
+from benchmarks.blind.flights.strangers import healthy_flights
 from benchmarks.owners.still import kinds
 
 HEALTHY = 2  # flights that go with a file that is wrong

@@ -7,8 +7,8 @@ from typing import Any
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.effect import Origin
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.table import Share, Table, counted, median, median_and_largest, targets
-from benchmarks.blind.thrusters import declared_groups, exchangeable
+from benchmarks.blind.scores.table import Share, Table, counted, median, median_and_largest, targets
+from benchmarks.blind.scores.thrusters import declared_groups, exchangeable
 from benchmarks.owners.cases import ELSE, FAMILIES, FILES, LOOSE, SENSOR, THRUSTER, WIRING, file_of
 from benchmarks.scoring import LIKELY
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.blind.damages import Act, Columns, Damage, Damaged, Rng
-from benchmarks.blind.sensor_sets import SENSOR_SETS
+from benchmarks.blind.flights.damages import Act, Columns, Damage, Damaged, Rng
+from benchmarks.blind.flights.sensor_sets import SENSOR_SETS
 
 CODES = (  # of findings that tell of it
     "does_not_answer",

@@ -14,7 +14,7 @@ from auv_torchrl.physics.kinematics import quaternion_from_euler, wrap_angle
 from auv_torchrl.scenario import Change, Scenario
 from auv_torchrl.simulator import PlainSimulator, record
 from auv_torchrl.vehicle import Vehicle, load_vehicle
-from benchmarks.blind.table import Share
+from benchmarks.blind.scores.table import Share
 
 log = logging.getLogger(__name__)
 VEHICLE = "remus100"

@@ -17,9 +17,9 @@ from auv_torchrl.paths import PROJECT
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import published, show_progress
 from benchmarks.blind.examine import examine, read_answers
-from benchmarks.blind.report import markdown
+from benchmarks.blind.scores.report import markdown
+from benchmarks.blind.scores.table import Table
 from benchmarks.blind.seal import answers_folder, log_path, open_labels, read_manifest, write_json
-from benchmarks.blind.table import Table
 
 PAGE, SECTION = PROJECT / "docs" / "results" / "comparison.md", "versus"
 CASES = 20

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from auv_torchrl.flightlog import FlightLog, raw_columns, write_columns
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import EPISODES, draw_cases
-from benchmarks.blind.fly import fly
+from benchmarks.blind.flights.cases import EPISODES, draw_cases
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.blind.seal import is_sealed, seal
-from benchmarks.blind.sensor_sets import sensor_set
 from benchmarks.versus.labels import SHARES
 
 VEHICLE = sensor_set(None).vehicle

@@ -7,7 +7,7 @@ from typing import Any
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.judge import judge
+from benchmarks.blind.scores.judge import judge
 from benchmarks.versus.parameters import SAME, size_of
 
 MOVED = 0.05  # of the size of a number, from which on it counts as moved

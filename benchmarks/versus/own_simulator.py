@@ -13,7 +13,7 @@ from auv_torchrl.physics.thrusters import thrust_after, thrust_target
 from auv_torchrl.sensors import Inverse, ages
 from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.sizes import CLEAR
+from benchmarks.blind.flights.sizes import CLEAR
 from benchmarks.versus.parameters import Free, as_sysid, of_effect, pointing
 from benchmarks.versus.windows import MEMORY, NOISE, SEEN, Windows, wrapped
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from benchmarks.blind.sizes import CLEAR
-from benchmarks.blind.table import Share, Table, median, number, quantile
+from benchmarks.blind.flights.sizes import CLEAR
+from benchmarks.blind.scores.table import Share, Table, median, number, quantile
 from benchmarks.versus.judge import Outcome
 from benchmarks.versus.labels import ALL, ASKED, FAMILIES, FIGURES, NOT_ASKED
 from benchmarks.versus.own_simulator import LEFT_OUT

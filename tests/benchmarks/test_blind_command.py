@@ -10,8 +10,8 @@ from auv_torchrl.diagnosis import thresholds
 from auv_torchrl.diagnosis.identify import explanation
 from auv_torchrl.diagnosis.identify.search import _EffectSearch
 from benchmarks.blind.ablation import OFF, ablate
-from benchmarks.blind.cases import FAMILIES
 from benchmarks.blind.examine import examine
+from benchmarks.blind.flights.cases import FAMILIES
 from benchmarks.blind.without import PARTS, Part, always, cases_of, changed_without, watch
 from tests.command_lines import answers_of
 

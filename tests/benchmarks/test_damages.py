@@ -9,13 +9,13 @@ from scipy.integrate import cumulative_trapezoid
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import FlightLogError, read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import Case, draw_cases
-from benchmarks.blind.damages import BOTH, DAMAGES, FAULTS, can_show, damaged, shows_fault
-from benchmarks.blind.fly import fly
-from benchmarks.blind.judge import judge
-from benchmarks.blind.judge_damage import REFUSALS
-from benchmarks.blind.score import numbers
-from benchmarks.blind.score_damage import by_damage
+from benchmarks.blind.flights.cases import Case, draw_cases
+from benchmarks.blind.flights.damages import BOTH, DAMAGES, FAULTS, can_show, damaged, shows_fault
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.scores.judge import judge
+from benchmarks.blind.scores.judge_damage import REFUSALS
+from benchmarks.blind.scores.score import numbers
+from benchmarks.blind.scores.score_damage import by_damage
 from benchmarks.blind.seal import hand_over, log_path, open_labels, read_manifest, seal
 from tests.benchmarks.test_scoring import gain_label
 

@@ -15,7 +15,7 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import MOTION, read
 from auv_torchrl.vehicle import load_vehicle
 from auv_torchrl.vehicle.changed_file import described
-from benchmarks.blind.outside import OUTSIDE
+from benchmarks.blind.flights.outside import OUTSIDE
 from tests.flightlog.simulate import simulated_logs
 
 DOCS = PROJECT / "docs"

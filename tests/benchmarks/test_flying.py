@@ -9,14 +9,14 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import CONTROLLED_INDEX, load_vehicle
-from benchmarks.blind.cases import FAMILIES, ONE_CAN_HIDE_THE_OTHER, Case, count_by_family, draw_cases
-from benchmarks.blind.fly import SealedPlant, fly
-from benchmarks.blind.foreign import ForeignPlant
-from benchmarks.blind.influence import CLEAR_AT, influence
-from benchmarks.blind.mujoco_plant import MujocoPlant
-from benchmarks.blind.outside import OUTSIDE, Outside
-from benchmarks.blind.plant import Influences, Slack
-from benchmarks.blind.sizes import (
+from benchmarks.blind.flights.cases import FAMILIES, ONE_CAN_HIDE_THE_OTHER, Case, count_by_family, draw_cases
+from benchmarks.blind.flights.fly import SealedPlant, fly
+from benchmarks.blind.flights.foreign import ForeignPlant
+from benchmarks.blind.flights.influence import CLEAR_AT, influence
+from benchmarks.blind.flights.mujoco_plant import MujocoPlant
+from benchmarks.blind.flights.outside import OUTSIDE, Outside
+from benchmarks.blind.flights.plant import Influences, Slack
+from benchmarks.blind.flights.sizes import (
     CLEAR,
     COEFFICIENTS,
     HORIZONTAL,
@@ -27,7 +27,7 @@ from benchmarks.blind.sizes import (
     draw_failures,
     draw_values,
 )
-from benchmarks.blind.strangers import with_changes
+from benchmarks.blind.flights.strangers import with_changes
 from tests.hovering import ACTING
 
 VEHICLE = load_vehicle("paper")

@@ -9,11 +9,11 @@ import pytest
 from auv_torchrl.flightlog import raw_columns, read_flightlog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import HEALTHY
-from benchmarks.blind.damages import damaged
-from benchmarks.blind.fly import fly
+from benchmarks.blind.flights.cases import HEALTHY
+from benchmarks.blind.flights.damages import damaged
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.sensor_sets import SENSOR_SETS
 from benchmarks.blind.seal import log_path, open_labels, read_manifest, seal
-from benchmarks.blind.sensor_sets import SENSOR_SETS
 from benchmarks.owners import __main__ as owners
 from benchmarks.owners.acts import ACTS, OneThruster, OneWay, Replugged
 from benchmarks.owners.cases import ELSE, FAMILIES, FILES, LOOSE, SENSOR, THRUSTER, WIRING, draw_owner_cases, file_of

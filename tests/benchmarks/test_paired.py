@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.blind.judge import Judgement
 from benchmarks.blind.paired import ALL, COUNTED, SECTION, Pair, difference, kind_of, tables
+from benchmarks.blind.scores.judge import Judgement
 from benchmarks.published import SECTIONS
 
 SOUND = Judgement(

@@ -4,7 +4,7 @@ import pytest
 
 from auv_torchrl.diagnosis.verdict import Diagnosis, EffectProbability, Estimate, FoundEffect, Gap, Verdict, Where
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.judge import judge
+from benchmarks.blind.scores.judge import judge
 from benchmarks.real import ardusub
 from benchmarks.scoring import Score, Truth, fault, score_diagnosis, sound, unknown
 

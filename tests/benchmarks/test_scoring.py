@@ -12,15 +12,15 @@ from auv_torchrl.effects import get_effect
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import published
-from benchmarks.blind.cases import FAMILIES, draw_cases
-from benchmarks.blind.figures import draw_figures
-from benchmarks.blind.fly import fly
-from benchmarks.blind.judge import judge
-from benchmarks.blind.report import markdown, publish, write_report
-from benchmarks.blind.score import numbers, tables
+from benchmarks.blind.flights.cases import FAMILIES, draw_cases
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.scores.figures import draw_figures
+from benchmarks.blind.scores.judge import judge
+from benchmarks.blind.scores.report import markdown, publish, write_report
+from benchmarks.blind.scores.score import numbers, tables
+from benchmarks.blind.scores.table import Share, calibration_error, reliability
+from benchmarks.blind.scores.thrusters import thrusters_at_fault
 from benchmarks.blind.seal import LABELS, hand_over, is_sealed, open_labels, read_manifest, seal
-from benchmarks.blind.table import Share, calibration_error, reliability
-from benchmarks.blind.thrusters import thrusters_at_fault
 
 VEHICLE = load_vehicle("paper")
 

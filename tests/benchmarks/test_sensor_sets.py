@@ -10,17 +10,17 @@ from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.sensors import CHANNELS
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import published
-from benchmarks.blind.cases import draw_cases
-from benchmarks.blind.fly import fly
-from benchmarks.blind.foreign_heavy import ForeignHeavy
-from benchmarks.blind.judge import NO_MARK, judge
-from benchmarks.blind.mujoco_plant import MujocoPlant
-from benchmarks.blind.pilots import Autopilots
-from benchmarks.blind.plant import Influences, Slack
-from benchmarks.blind.report import markdown, publish, section
-from benchmarks.blind.score_sensors import set_numbers, set_tables
+from benchmarks.blind.flights.cases import draw_cases
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.foreign_heavy import ForeignHeavy
+from benchmarks.blind.flights.mujoco_plant import MujocoPlant
+from benchmarks.blind.flights.pilots import Autopilots
+from benchmarks.blind.flights.plant import Influences, Slack
+from benchmarks.blind.flights.sensor_sets import FAULTS, SENSOR_SETS, WEAK, draw_fault
+from benchmarks.blind.scores.judge import NO_MARK, judge
+from benchmarks.blind.scores.report import markdown, publish, section
+from benchmarks.blind.scores.score_sensors import set_numbers, set_tables
 from benchmarks.blind.seal import hand_over
-from benchmarks.blind.sensor_sets import FAULTS, SENSOR_SETS, WEAK, draw_fault
 from tests.benchmarks.test_scoring import blind_eye, perfect
 
 VEHICLE = load_vehicle("bluerov2_heavy")

@@ -9,18 +9,14 @@ import pytest
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import HEALTHY
 from benchmarks.blind.examine import examine, read_answers
-from benchmarks.blind.fly import fly
-from benchmarks.blind.foreign import ForeignPlant
-from benchmarks.blind.influence import CLEAR_AT
-from benchmarks.blind.judge import judge
-from benchmarks.blind.mujoco_plant import MujocoPlant
-from benchmarks.blind.report import markdown
-from benchmarks.blind.score_strangers import stranger_numbers, stranger_tables
-from benchmarks.blind.seal import log_path, open_labels, read_manifest, seal
-from benchmarks.blind.sizes import CLEAR, draw_values
-from benchmarks.blind.strangers import (
+from benchmarks.blind.flights.cases import HEALTHY
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.foreign import ForeignPlant
+from benchmarks.blind.flights.influence import CLEAR_AT
+from benchmarks.blind.flights.mujoco_plant import MujocoPlant
+from benchmarks.blind.flights.sizes import CLEAR, draw_values
+from benchmarks.blind.flights.strangers import (
     as_flown,
     draw_flight,
     draw_stranger,
@@ -28,6 +24,10 @@ from benchmarks.blind.strangers import (
     healthy_flights,
     with_changes,
 )
+from benchmarks.blind.scores.judge import judge
+from benchmarks.blind.scores.report import markdown
+from benchmarks.blind.scores.score_strangers import stranger_numbers, stranger_tables
+from benchmarks.blind.seal import log_path, open_labels, read_manifest, seal
 from tests.benchmarks.test_flying import APART, distance, swim
 from tests.benchmarks.test_scoring import blind_eye, perfect
 

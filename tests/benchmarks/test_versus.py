@@ -5,8 +5,8 @@ import pytest
 
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks import rows
-from benchmarks.blind.cases import Case
-from benchmarks.blind.fly import fly
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.fly import fly
 
 for module in ("mujoco", "plotly", "tabulate"):  # mujoco.sysid imports the last two, of the extra `bench`
     pytest.importorskip(module)

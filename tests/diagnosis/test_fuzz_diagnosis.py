@@ -25,7 +25,7 @@ from auv_torchrl.diagnosis.verdict import from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE, VELOCITY, FlightLogError, raw_columns, read_flightlog, write_columns
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.damages import DAMAGES, damaged
+from benchmarks.blind.flights.damages import DAMAGES, damaged
 from tests.diagnosis.hostile import EDITS
 from tests.flightlog.simulate import simulated_logs
 

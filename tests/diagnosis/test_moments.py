@@ -11,9 +11,9 @@ from auv_torchrl.diagnosis.localize.moments import changing_thruster
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.sysid.trace import Outcome
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import Case
-from benchmarks.blind.fly import fly
-from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.fly import fly
+from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.owners.acts import ACTS
 
 HEAVY, SETTINGS, SENSORS = load_vehicle("bluerov2_heavy"), load_settings(), "mocap"

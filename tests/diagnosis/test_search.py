@@ -28,8 +28,8 @@ from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import read_flightlog, write_columns
 from auv_torchrl.sysid.bounded import bounded_minimum
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import Case
-from benchmarks.blind.fly import fly as sealed_flights
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.fly import fly as sealed_flights
 from benchmarks.blind.seal import hand_over
 
 PAPER = load_vehicle("paper")

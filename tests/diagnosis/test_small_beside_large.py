@@ -12,8 +12,8 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import Case
-from benchmarks.blind.fly import fly as sealed_flights
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.fly import fly as sealed_flights
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)

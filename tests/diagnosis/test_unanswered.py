@@ -23,9 +23,9 @@ from auv_torchrl.diagnosis.verdict import Where
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, read_flightlog, write_flightlog
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import Case
-from benchmarks.blind.fly import fly as fly_cases
-from benchmarks.blind.sensor_sets import sensor_set
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.fly import fly as fly_cases
+from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.owners.acts import ACTS
 from tests.diagnosis.flown_logs import fly, hold
 from tests.diagnosis.stuck_channels import GROUPS, rocked, stuck

@@ -11,7 +11,7 @@ from auv_torchrl.flightlog.checks.information import check_information
 from auv_torchrl.flightlog.tables.table import Table, read_table
 from auv_torchrl.paths import EXAMPLE_LOG
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.damages import BOTH, DAMAGES, POSES, damaged
+from benchmarks.blind.flights.damages import BOTH, DAMAGES, POSES, damaged
 
 VEHICLE = load_vehicle("paper")
 ENGINE = ("heading_backwards", "heading_quarter")  # told by the diagnosis, as an effect

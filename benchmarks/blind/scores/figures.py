@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.palette import NEUTRAL, U_T
-from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import INFLUENCE_EDGES, calibration, calibration_cases, of_families
-from benchmarks.blind.table import Share, calibration_error
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.score import INFLUENCE_EDGES, calibration, calibration_cases, of_families
+from benchmarks.blind.scores.table import Share, calibration_error
 
 
 def draw_figures(judgements: Sequence[Judgement], folder: Path) -> list[Path]:

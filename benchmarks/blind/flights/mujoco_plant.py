@@ -10,7 +10,7 @@ from auv_torchrl.physics import Coefficients
 from auv_torchrl.physics.kinematics import euler_angles, quaternion_from_euler
 from auv_torchrl.simulator.mujoco import MujocoSimulator
 from auv_torchrl.vehicle import CONTROLLED_INDEX, Vehicle
-from benchmarks.blind.plant import Influences, Motion, Reported, Slack
+from benchmarks.blind.flights.plant import Influences, Motion, Reported, Slack
 
 _FAR = 1e4  # m, where the tether that stands for a constant earth-frame force is anchored
 

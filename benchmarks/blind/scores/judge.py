@@ -7,9 +7,9 @@ from typing import Any
 
 from auv_torchrl.effects import get_effect
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.judge_damage import Named, judge_damage
-from benchmarks.blind.strangers import as_flown, with_changes
-from benchmarks.blind.thrusters import declared_groups, same_class, thrusters_right
+from benchmarks.blind.flights.strangers import as_flown, with_changes
+from benchmarks.blind.scores.judge_damage import Named, judge_damage
+from benchmarks.blind.scores.thrusters import declared_groups, same_class, thrusters_right
 from benchmarks.scoring import Score, fault, score_diagnosis, sound, unknown
 
 NOT_EXPLAINED = ("partly_explained", "unexplained", "cannot_tell")

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from benchmarks.blind.plant import Influences, Motion, Reported, Slack
+from benchmarks.blind.flights.plant import Influences, Motion, Reported, Slack
 
 STEP = 0.005  # s
 MASS, INERTIA = 13.5, (0.26, 0.23, 0.37)  # kg, kg m^2; Table A1, as all below

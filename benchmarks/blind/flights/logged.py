@@ -8,8 +8,8 @@ from auv_torchrl.flightlog import POSE, VELOCITY, Episode, FlightLog
 from auv_torchrl.physics import CONTROL_DT, prepare
 from auv_torchrl.sensors import FELT, felt_at_rows
 from auv_torchrl.vehicle import load_vehicle
-from benchmarks.blind.cases import Case
-from benchmarks.blind.sensor_sets import LEFT_OFF, sensor_set
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.sensor_sets import LEFT_OFF, sensor_set
 
 
 class Flight(NamedTuple):

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from auv_torchrl.effects import EFFECTS, get_effect
-from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import failures, scores
-from benchmarks.blind.sensor_sets import FAULTS, LOAD, THRUSTER, UNSEEN
-from benchmarks.blind.table import Share, Table, counted, median, median_and_largest, number, targets
+from benchmarks.blind.flights.sensor_sets import FAULTS, LOAD, THRUSTER, UNSEEN
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.score import failures, scores
+from benchmarks.blind.scores.table import Share, Table, counted, median, median_and_largest, number, targets
 
 LEAST = {"stock": ("≥ 90 %", "≥ 97 %"), "dvl": ("≥ 95 %", "≥ 99 %"), "mocap": ("", "")}  # of what is named: must, aim
 ALARMS = ("≤ 3 %", "≤ 1 %")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from auv_torchrl.files import write_whole
 from benchmarks import published
-from benchmarks.blind.judge import Judgement
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.table import Table
 from benchmarks.blind.seal import write_json
-from benchmarks.blind.table import Table
 
 FIGURES = "figures"  # beside the document
 CAPTIONS = {

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from typing_extensions import override
 
-from benchmarks.blind.plant import Influences, Motion
+from benchmarks.blind.flights.plant import Influences, Motion
 
 
 class Outside:

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
-from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score import by_family as scores_by_family
-from benchmarks.blind.score import failed, failure, of_families, outside
-from benchmarks.blind.table import Share, Table, counted, median, median_and_largest, number, targets
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.score import by_family as scores_by_family
+from benchmarks.blind.scores.score import failed, failure, of_families, outside
+from benchmarks.blind.scores.table import Share, Table, counted, median, median_and_largest, number, targets
 from benchmarks.scoring import Score
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.blind.plant import Influences, Motion, Reported, Slack
+from benchmarks.blind.flights.plant import Influences, Motion, Reported, Slack
 
 MASS = 12.0  # kg
 TOTAL_MASS = (15.9, 32.2, 14.5, 0.3)  # kg, kg m^2: surge, sway, heave, yaw; Table 1

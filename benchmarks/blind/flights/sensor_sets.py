@@ -13,7 +13,7 @@ import numpy as np
 from auv_torchrl.effects import get_effect
 from auv_torchrl.sensors import CHANNELS, FELT, MOTION
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.sizes import CLEAR, Rng
+from benchmarks.blind.flights.sizes import CLEAR, Rng
 
 
 class Channel(NamedTuple):

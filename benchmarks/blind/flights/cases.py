@@ -8,11 +8,11 @@ from itertools import cycle
 import numpy as np
 
 from auv_torchrl.settings import choices
-from benchmarks.blind.damages import DAMAGES, FAULTS, POSES, can_show
-from benchmarks.blind.outside import OUTSIDE
-from benchmarks.blind.sensor_sets import FAULTS as SET_FAULTS
-from benchmarks.blind.sensor_sets import LOAD, THRUSTER, UNSEEN, sensor_set
-from benchmarks.blind.sizes import CLEAR
+from benchmarks.blind.flights.damages import DAMAGES, FAULTS, POSES, can_show
+from benchmarks.blind.flights.outside import OUTSIDE
+from benchmarks.blind.flights.sensor_sets import FAULTS as SET_FAULTS
+from benchmarks.blind.flights.sensor_sets import LOAD, THRUSTER, UNSEEN, sensor_set
+from benchmarks.blind.flights.sizes import CLEAR
 
 SLACK = 0.03  # standard deviation of the factors on gains, drags and inertias of a vehicle that is not quite nominal
 STEPS_DOWN = (0.5, 0.25, 0.12, 0.06)  # of a clear size, to below the detection limit

@@ -12,18 +12,18 @@ from auv_torchrl.physics import CONTROL_DT
 from auv_torchrl.physics.kinematics import wrap_angle
 from auv_torchrl.simulator import record
 from auv_torchrl.vehicle import Vehicle
-from benchmarks.blind.cases import Case
-from benchmarks.blind.foreign import ForeignPlant
-from benchmarks.blind.foreign_heavy import ForeignHeavy
-from benchmarks.blind.influence import CLEAR_AT, influence
-from benchmarks.blind.logged import Flight, flight_log, measured_acceleration, measured_velocity, noise_of
-from benchmarks.blind.mujoco_plant import MujocoPlant, loosened
-from benchmarks.blind.outside import OUTSIDE, Outside
-from benchmarks.blind.pilots import Autopilots, Pilots
-from benchmarks.blind.plant import Influences, Motion, Plant, Reported, Slack
-from benchmarks.blind.sensor_sets import draw_fault, sensor_set
-from benchmarks.blind.sizes import draw_failures, draw_values
-from benchmarks.blind.strangers import Changes, draw_flight, draw_stranger, with_changes
+from benchmarks.blind.flights.cases import Case
+from benchmarks.blind.flights.foreign import ForeignPlant
+from benchmarks.blind.flights.foreign_heavy import ForeignHeavy
+from benchmarks.blind.flights.influence import CLEAR_AT, influence
+from benchmarks.blind.flights.logged import Flight, flight_log, measured_acceleration, measured_velocity, noise_of
+from benchmarks.blind.flights.mujoco_plant import MujocoPlant, loosened
+from benchmarks.blind.flights.outside import OUTSIDE, Outside
+from benchmarks.blind.flights.pilots import Autopilots, Pilots
+from benchmarks.blind.flights.plant import Influences, Motion, Plant, Reported, Slack
+from benchmarks.blind.flights.sensor_sets import draw_fault, sensor_set
+from benchmarks.blind.flights.sizes import draw_failures, draw_values
+from benchmarks.blind.flights.strangers import Changes, draw_flight, draw_stranger, with_changes
 
 ROUNDS = 12  # of drawing an effect again until it shows clearly
 START = np.array([1, 1, 1, np.pi, 0.3, 0.3, 0.2, 0.5])  # m, rad, m/s, rad/s; half widths

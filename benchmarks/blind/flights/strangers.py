@@ -13,7 +13,7 @@ import numpy as np
 from auv_torchrl.effects import get_effect
 from auv_torchrl.effects.flow import COUPLINGS
 from auv_torchrl.vehicle import CONTROLLED, Vehicle
-from benchmarks.blind.cases import HEALTHY, Case, count_by_family, draw_cases
+from benchmarks.blind.flights.cases import HEALTHY, Case, count_by_family, draw_cases
 
 FAMILIES = ("single", "pair", "no_gap", "outside")
 HEALTHY_EPISODES = 4  # of 30 s

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
-from benchmarks.blind.damages import DAMAGES
-from benchmarks.blind.judge import Judgement
-from benchmarks.blind.table import Share, Table, counted
+from benchmarks.blind.flights.damages import DAMAGES
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.table import Share, Table, counted
 
 
 def damage_targets(judgements: Sequence[Judgement]) -> list[tuple[str, str, str, Share]]:

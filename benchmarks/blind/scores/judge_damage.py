@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from auv_torchrl.vehicle import Vehicle
 from benchmarks import scoring
-from benchmarks.blind.thrusters import declared_groups, same_class, split_entry, thrusters_right
+from benchmarks.blind.scores.thrusters import declared_groups, same_class, split_entry, thrusters_right
 
 REFUSALS = {  # in the sentence with which a log is refused, by what would be the code of a finding
     "constant_column": r"never chang|constant|stands? still",

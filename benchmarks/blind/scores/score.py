@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 from auv_torchrl.effects import EFFECTS
-from benchmarks.blind.cases import FAMILIES
-from benchmarks.blind.judge import Judgement
-from benchmarks.blind.score_damage import by_damage, damage_targets
-from benchmarks.blind.table import (
+from benchmarks.blind.flights.cases import FAMILIES
+from benchmarks.blind.scores.judge import Judgement
+from benchmarks.blind.scores.score_damage import by_damage, damage_targets
+from benchmarks.blind.scores.table import (
     Bin,
     Share,
     Table,
