@@ -87,13 +87,15 @@ def search_log(
 
 
 def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
-    """Where something is left of a log whose errors are no white noise, weigh what was simulated along what was found.
+    """Where something is left, weigh what was simulated along what was found, if the motion looks another one there.
 
-    What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
-    large fault sound samples look like outliers.
+    What errors that are no white noise amount to follows from the motion and from the vehicle: a dead thruster makes
+    none, and beside a large fault sound samples look like outliers. And windows that no force makes the nominal vehicle
+    follow, as one whose plugs are exchanged tumbles, may be followed then.
     """
     best = replace(found.best.explanation, nuisance={})
-    if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
+    is_another = problem.given.errors.coloured or not problem.followed.all()
+    if not is_another or not best.effects or found.excess < problem.settings.excess:
         return found
     hints = _each_once([found.best, *found.fits])[:SIMULATED]
     report("following what was found", FOLLOWED_AGAIN)

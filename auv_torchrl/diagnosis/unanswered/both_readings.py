@@ -12,6 +12,7 @@ from auv_torchrl.diagnosis.doubt import BELIEVED, doubted_alternatives
 from auv_torchrl.diagnosis.explain import Given, is_explained_in_part
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
+from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle, share_of_held
@@ -70,7 +71,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
     for suspect in find_other_source(log, found.problem, found.follow.explanation, given.settings):
-        if set(suspect.channels) >= set(log.axes):
+        if set(suspect.channels) >= set(log.axes) and not _follows_otherwise(found):
             return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
@@ -83,6 +84,12 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         ):  # by a file corrected anew
             return _beside(rest, logged, silent)
     return logged
+
+
+def _follows_otherwise(found: Found) -> bool:
+    """Whether exchanged plugs leave little where the motion is known: thrusters follow the commands of others."""
+    one = propose_routing(found.problem, found.follow, found.follow.explanation)
+    return one is not None and one.chi2 < found.problem.settings.excess * found.field.quadratic.numbers
 
 
 def _explained(others: FlightLog, may_be_faulty: bool, given: Given, once: Once) -> Diagnosis | None:
