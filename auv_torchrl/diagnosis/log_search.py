@@ -70,7 +70,7 @@ def search_log(
     problem.freedoms.clear()  # of what led here; a search of some windows would keep those of all
     if onset is None:
         found = search(problem, follow, report, begin, unknown=evidence_of_unlike)
-        return LogSearch(_search_along(problem, found, report), sound)
+        return LogSearch(search_along(problem, found, report), sound)
     plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
     measured, sensor = problem.known, follow.explanation
     del problem, follow  # the whole log would fill the memory beside the part
@@ -78,15 +78,15 @@ def search_log(
     found = search(behind, its_follow, report, begin, unknown=evidence_of_unlike)
     if seen or is_absent(plain, onset, found.best.explanation, own, settings):
         del plain
-        return LogSearch(_search_along(behind, found, report), sound, onset)
+        return LogSearch(search_along(behind, found, report), sound, onset)
     hints = _each_once(found.fits)[:SIMULATED]
     del behind, its_follow, found, plain  # and the part beside the whole
     problem, follow = follow_windows(Problem.of(windows, own, settings, measured), sensor)
     whole = search(problem, follow, report, hints, further=False)
-    return LogSearch(_search_along(problem, whole, report), sound)
+    return LogSearch(search_along(problem, whole, report), sound)
 
 
-def _search_along(problem: Problem, found: Found, report: Progress) -> Found:
+def search_along(problem: Problem, found: Found, report: Progress) -> Found:
     """Where something is left, weigh what was simulated along what was found, if the motion looks another one there.
 
     What errors that are no white noise amount to follows from the motion and from the vehicle: a dead thruster makes

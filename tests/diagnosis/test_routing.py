@@ -11,12 +11,16 @@ from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term, derangements, exchanges, rings
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.routing import propose_routing
+from auv_torchrl.diagnosis.identify.search import search
+from auv_torchrl.diagnosis.log_search import search_along
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE, WORTH_AN_EFFECT
+from auv_torchrl.diagnosis.unanswered.both_readings import follows_otherwise
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.flightlog.log import POSE
@@ -158,3 +162,36 @@ def test_a_permutation_costs_its_plugs():
     assert prior.structure(reversed_one) == pytest.approx(
         prior.structure(Explanation((Term("thruster_gain", ("gain_3",), -1.0),)))
     )
+
+
+def searched(flown, vehicle):
+    """The problem of a flight, and what a search for effects found."""
+    problem, follow = follow_windows(
+        Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+    )
+    return problem, search(problem, follow, lambda step, share: None)
+
+
+def test_windows_that_were_lost_are_followed_again_under_what_was_found():
+    """Two reversed thrusters send most windows astray; a fit that leaves much begins anew where they go in truth."""
+    vehicle = hold(PAPER)
+    flown = fly(vehicle, {"thruster_gain": {"gain_1": -1.0, "gain_2": -1.0}}, seed=1, episodes=3, seconds=20.0)
+    problem, found = searched(flown, vehicle)
+    assert not problem.followed.all()
+    terms = tuple(Term("thruster_gain", (f"gain_{number}",), -0.6) for number in (1, 2))
+    far = fit_by_simulation(problem, Explanation(terms), found.follow, rounds=0)
+    begun = replace(found, problem=problem, best=far, fits=(far,))
+    assert search_along(problem, begun, lambda step, share: None).excess < 0.05 * far.excess
+    seen = replace(problem, followed=np.ones_like(problem.followed))
+    assert search_along(seen, begun, lambda step, share: None) is begun
+
+
+def test_a_vehicle_whose_plugs_are_exchanged_follows_its_commands():
+    """Other thrusters do what is commanded; of poses that another flight had, no plugs make anything."""
+    vehicle = hold(PAPER)
+    plugs = {"thruster_swap": {"command_1": 4.0, "command_4": 5.0, "command_5": 1.0, "command_6": -6.0}}
+    flown = fly(vehicle, plugs, seed=1, episodes=2, seconds=20.0)
+    assert follows_otherwise(searched(flown, vehicle)[1])
+    other = fly(vehicle, {}, seed=2, episodes=2, seconds=20.0)
+    of_another = tuple(replace(mine, pose=its.pose) for mine, its in zip(flown.episodes, other.episodes, strict=True))
+    assert not follows_otherwise(searched(replace(flown, episodes=of_another), vehicle)[1])

@@ -71,7 +71,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
     for suspect in find_other_source(log, found.problem, found.follow.explanation, given.settings):
-        if set(suspect.channels) >= set(log.axes) and not _follows_otherwise(found):
+        if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
             return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
@@ -86,7 +86,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
     return logged
 
 
-def _follows_otherwise(found: Found) -> bool:
+def follows_otherwise(found: Found) -> bool:
     """Whether exchanged plugs leave little where the motion is known: thrusters follow the commands of others."""
     one = propose_routing(found.problem, found.follow, found.follow.explanation)
     return one is not None and one.chi2 < found.problem.settings.excess * found.field.quadratic.numbers
