@@ -6,7 +6,8 @@ false one they leave nothing to explain.
 Where no other sensor tells of the motion, the thrust does: along the measured motion such a channel tells of a force
 that undoes what the thrusters push. So of each degree of freedom the share of the thrust that shows is fitted in every
 window: about 1 in a vehicle that answers, and 0 where the channel tells nothing. All other channels must then be those
-of the vehicle as it should be: faults hide the thrust as well, but no other channel leaves them out.
+of the vehicle as it should be: faults hide the thrust as well, but no other channel leaves them out. Nor does the log
+as a whole, if exchanged plugs bring the thrust back.
 """
 
 from collections.abc import Iterator, Sequence

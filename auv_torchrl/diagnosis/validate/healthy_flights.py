@@ -2,9 +2,9 @@
 
 By itself: poses that a flight's own velocities contradict are left out of it. A compass that is turned, or a position
 in a frame of its own, leaves a healthy vehicle healthy. No force makes a simulator follow both reports, and lost
-windows would look like a disturbance, or as another vehicle. ``flightlog/agreement.py`` has already asked of every log
-whether velocities give most of its motion. Here single stretches count, because each lost one leads a calibration
-astray.
+windows would look like a disturbance, or as another vehicle. ``flightlog/checks/agreement.py`` has already asked of
+every log whether velocities give most of its motion. Here single stretches count, because each lost one leads a
+calibration astray.
 
 Against the others: each flight is predicted by what all others say of the vehicle. A flight that departs from the
 others by more than flights do is left out, and a calibration that predicts no unseen flight better is not kept.
