@@ -53,9 +53,8 @@ class Trainer:
         fingerprint: str,
         logger: LoggerConfig | None = None,
     ):
-        from auv_torchrl.agents.learning.learners import (
-            make_learner,  # a policy that was kept is read without all of them
-        )
+        # here, not above: a policy that was kept is read without all learners
+        from auv_torchrl.agents.learning.learners import make_learner
 
         self.config, self.seed, self.folder, self.fingerprint = config, seed, folder, fingerprint
         self.logger = logger or LoggerConfig()

@@ -22,6 +22,7 @@ from auv_torchrl.diagnosis.thresholds import FLEW_OFF, HUBER
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import POSE
 from auv_torchrl.sysid.bounded import least_within
+from auv_torchrl.sysid.windows import MEDIAN_TO_DEVIATION
 from auv_torchrl.vehicle import Vehicle
 
 START_WIDTH = np.array([0.1] * 6 + [0.1] * 3 + [0.3] * 3)  # m, rad, m/s, rad/s, of a start about its guess
@@ -91,7 +92,7 @@ def measure_scale(windows: Windows, error: Floats) -> tuple[Floats, float]:
     seen = windows.trust[..., used_channels(windows)] > 0
     inside = np.where(seen, np.where(np.isfinite(error), error, np.inf), np.nan)
     inside = inside[seen.any(-1)]
-    middle = 1.4826 * np.nanmedian(np.abs(inside), axis=0)
+    middle = MEDIAN_TO_DEVIATION * np.nanmedian(np.abs(inside), axis=0)
     cut = np.clip(inside, -3 * middle, 3 * middle)
     scale = np.maximum(np.maximum(np.sqrt(np.nanmean(cut**2, axis=0)), middle), SMALLEST)
     # first-order correlation of neighbours: (1 + rho) / (1 - rho) samples say as much as one

@@ -14,8 +14,8 @@ import numpy as np
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, shared_family
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import DIFFER_BY, FEWEST_OF_FAMILY, WORTH_AN_EFFECT
+from auv_torchrl.sysid.windows import MEDIAN_TO_DEVIATION
 
-NORMAL = 1.4826  # standard deviations of a normal distribution in one median distance from its median
 LEAST = 1e-9  # of a mean, in units of the file's value: that of members that give nothing together
 
 
@@ -82,7 +82,7 @@ def _to_others(place: int, members: Sequence[int], values: Floats, covariance: F
 def _differ_by(place: int, members: Sequence[int], values: Floats) -> float:
     """By which share of their mean the members differ but for one, by the median: another outlier plays no part."""
     others = values[[one for one in members if one != place]]
-    apart = NORMAL * float(np.median(np.abs(others - np.median(others))))
+    apart = MEDIAN_TO_DEVIATION * float(np.median(np.abs(others - np.median(others))))
     return max(DIFFER_BY, apart / max(abs(float(others.mean())), LEAST))
 
 

@@ -250,8 +250,7 @@ def hold_unseen(problem: Problem, known: HealthyPrior, follow: WindowPath) -> Pr
     Windows tell as much of a nuisance parameter whose effect they are followed under: what is asked is the nominal
     vehicle along their motion.
     """
-    whole = replace(problem, nuisance=known.nuisance, nuisance_covariance=known.nuisance_covariance)
-    A = quadratic(whole, follow, [], around=NOTHING, chosen=problem.followed).A
+    A = quadratic(replace(problem, nuisance=known.nuisance), follow, [], around=NOTHING, chosen=problem.followed).A
     if not np.isfinite(A).all():
         return problem
     size, direction = np.linalg.eigh(known.nuisance_covariance)

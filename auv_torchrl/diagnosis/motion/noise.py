@@ -21,6 +21,7 @@ from auv_torchrl.flightlog.streams.drift import DRIFT_S
 from auv_torchrl.physics.kinematics import matvec
 from auv_torchrl.physics.pushes import wrench_per_unit
 from auv_torchrl.sensors import CHANNELS
+from auv_torchrl.sysid.windows import MEDIAN_TO_DEVIATION, THIRD_DIFFERENCE
 from auv_torchrl.vehicle import Vehicle
 
 MOMENTS = 101  # at which a command may have changed between two snapshots, to average over
@@ -191,7 +192,7 @@ def first_noise(windows: Windows) -> dict[str, float]:
             series = np.unwrap(series, axis=1)
         rows = zip(series, windows.trust[..., column] > 0, strict=True)
         third = np.concatenate([np.diff(window[seen], 3) for window, seen in rows if seen.sum() > 3] or [np.zeros(1)])
-        scale = 1.4826 * np.median(np.abs(third)) / np.sqrt(20.0)
+        scale = MEDIAN_TO_DEVIATION * np.median(np.abs(third)) / THIRD_DIFFERENCE
         floor = 1e-4 if CHANNELS.index(channel) < 6 else 1e-3
         noise[channel] = float(max(scale, floor, windows.resolution[column] * ROUNDING))
     return noise

@@ -79,9 +79,8 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         silent = tell_other_source(blamed(suspect.stretches), len(log.episodes))
         if fit_the_vehicle(others, found.problem, given.settings):
             return _alone(logged, silent)
-        if given.is_guess and (
-            rest := _explained(others, suspect.contradicts, given, once)
-        ):  # by a file corrected anew
+        rest = _explained(others, suspect.contradicts, given, once) if given.is_guess else None
+        if rest is not None:  # by a file that was corrected anew
             return _beside(rest, logged, silent)
     return logged
 
