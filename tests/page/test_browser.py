@@ -81,6 +81,15 @@ def drop(page, name, content):
 
 def drop_all(page, files):
     """Drop files on the page, contents by name, all at once, and wait until they are read."""
+    give(page, files)
+    rows = [page.locator("#dives tr", has_text=name) for name in files]
+    for row in rows:
+        row.locator("select").wait_for()
+    return rows
+
+
+def give(page, files):
+    """Drop files on the page, contents by name, all at once."""
     page.evaluate(
         """(files) => {
           const held = new DataTransfer();
@@ -94,10 +103,6 @@ def drop_all(page, files):
         }""",
         [[name, b64encode(content).decode()] for name, content in files.items()],  # a list takes a second for each
     )
-    rows = [page.locator("#dives tr", has_text=name) for name in files]
-    for row in rows:
-        row.locator("select").wait_for()
-    return rows
 
 
 def test_a_dropped_dive_comes_to_a_verdict(tab):
@@ -133,6 +138,24 @@ def test_a_healthy_dive_is_marked_by_a_click_and_taken_along(tab):
     drop(tab, "ill1.csv", another()).get_by_role("button", name="Diagnose").click()
     tab.wait_for_selector("iframe.report")
     assert "held against sound1.csv" in tab.inner_text("main")
+
+
+def test_a_dive_that_is_marked_breaks_off_no_log_that_is_sent(tab):
+    """However long that one takes to come; the page is the same, and what was typed or ticked in it stays."""
+    row = drop(tab, "here1.csv", another())
+    row.get_by_label("compare").check()
+    held = []
+    tab.route("**/logs?name=long1.csv", lambda route: held.append(route))
+    give(tab, {"long1.csv": another()})
+    tab.locator("#sending li", has_text="long1.csv").wait_for()
+    row.get_by_role("button", name="mark healthy").click()
+    row.locator(".mark[aria-pressed=true]").wait_for()
+    row.locator("select").select_option("bluerov2_heavy")
+    row.locator("option[value=bluerov2_heavy][selected]").wait_for(state="attached")
+    assert row.get_by_label("compare").is_checked()
+    (route,) = held
+    route.continue_()
+    tab.locator("#dives tr", has_text="long1.csv").locator("select").wait_for()
 
 
 @pytest.mark.thorough
@@ -204,9 +227,8 @@ def test_the_history_of_a_vehicle_shows_its_dives_and_what_changed(tab, address)
     """In the order of the dates in their names."""
     for name in ("2026-03-01.csv", "2026-01-01.csv"):
         row = drop(tab, name, another())
-        with tab.expect_navigation():  # a file that is dropped while the page is left is lost
-            row.locator("select").select_option("bluerov2")
-        tab.wait_for_selector(f"tr:has-text('{name}') option[value=bluerov2]:checked", state="attached")
+        row.locator("select").select_option("bluerov2")
+        tab.wait_for_selector(f"tr:has-text('{name}') option[value=bluerov2][selected]", state="attached")
     tab.locator("tr", has_text="2026-01-01.csv").get_by_role("button", name="mark healthy").click()
     tab.wait_for_selector("tr:has-text('2026-01-01.csv') .mark[aria-pressed=true]")
     tab.goto(f"{address}vehicle/bluerov2")

@@ -27,9 +27,17 @@ if (drop) {
   }
 }
 
+let underway = 0; // logs that are not here yet
+
 async function sendAll(files) {
-  for (const file of [...files]) await send(file);
+  underway += files.length;
+  for (const file of [...files]) {
+    await send(file);
+    underway -= 1;
+  }
 }
+
+window.addEventListener("beforeunload", (event) => { if (underway) event.preventDefault(); });
 
 function send(file) {
   const row = document.createElement("li");
@@ -63,7 +71,7 @@ function send(file) {
 
 // ---- parts that are made anew when something has changed
 
-async function renew() {
+async function renew(changed = null) {
   if (!document.querySelector("[data-live]")) return;
   const asked = renew.asked = (renew.asked || 0) + 1;
   let text;
@@ -83,8 +91,8 @@ async function renew() {
     const shown = now.innerHTML;
     const focus = part.contains(document.activeElement) ? document.activeElement.id : "";
     const ticked = [...part.querySelectorAll("input[type=checkbox]:checked")].map((box) => box.id);
-    const opened = document.activeElement instanceof HTMLSelectElement && part.contains(document.activeElement);
-    if (opened) continue; // somebody chooses
+    const active = document.activeElement;
+    if (active instanceof HTMLSelectElement && active.form !== changed && part.contains(active)) continue; // somebody chooses
     part.replaceChildren(...now.childNodes);
     part.dataset.shown = shown;
     for (const id of ticked) if (id && document.getElementById(id)) document.getElementById(id).checked = true;
@@ -93,7 +101,22 @@ async function renew() {
   }
 }
 
+// What is set of a dive is set without leaving the page, which would break off the logs that are sent from it.
+async function set(form) {
+  const headers = { Accept: "application/json" };
+  try {
+    const answer = await fetch(form.action, { method: "POST", headers, body: new URLSearchParams(new FormData(form)) });
+    if (!answer.ok) say((await answer.json()).detail);
+  } catch {
+    say("the server is not there");
+  }
+  renew(form);
+}
+
 function prepare(part) {
+  for (const form of part.querySelectorAll("form[data-stay]")) {
+    form.addEventListener("submit", (event) => { event.preventDefault(); set(form); });
+  }
   for (const form of part.querySelectorAll("form[data-submit]")) {
     form.addEventListener("change", () => form.requestSubmit());
   }
@@ -125,8 +148,8 @@ let news = null;
 function listen() {
   if (document.hidden || news || !document.querySelector("[data-live]")) return;
   news = new EventSource(`${root}events`);
-  news.addEventListener("hello", renew);
-  news.addEventListener("changed", renew);
+  news.addEventListener("hello", () => renew());
+  news.addEventListener("changed", () => renew());
   news.addEventListener("progress", (event) => {
     for (const job of JSON.parse(event.data)) {
       for (const place of document.querySelectorAll(`[data-job="${job.id}"]`)) {
