@@ -46,8 +46,9 @@ def fly(
     push: Callable[[np.ndarray, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]] | None = None,
     axes: tuple[str, ...] = AXES,
     onset_s: float = 0.0,
+    effort: float = 1.0,
 ) -> FlightLog:
-    """Fly ``vehicle``, changed by ``values`` from ``onset_s`` on, and log it.
+    """Fly ``vehicle``, changed by ``values`` from ``onset_s`` on, with so much ``effort`` of the pilot, and log it.
 
     ``push(commands, position, velocity, t)`` returns the commands that the thrusters get and a world force, for what
     no effect describes.
@@ -59,7 +60,7 @@ def fly(
     yaw = rng.uniform(-np.pi, np.pi, episodes)
     simulator = PlainSimulator(vehicle.expand(episodes), DT, scenario=scenario)
     simulator.resume(at_rest(position, yaw, vehicle.thrusters))
-    pilot = Pilot(vehicle, _waves(rng, steps, episodes))
+    pilot = Pilot(vehicle, effort * _waves(rng, steps, episodes))
     jitter = rng.standard_normal((steps, episodes, 6)) * np.repeat(noise, 3)
     recorded = record(simulator if push is None else Pushed(simulator, push), pilot, steps, DT, jitter)
     logged, velocity, sent = recorded.measured, recorded.velocity, recorded.commands

@@ -16,6 +16,7 @@ from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import Found, search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.validate.veto import take_back
+from auv_torchrl.flightlog import Episode
 from auv_torchrl.sysid.posterior import weights
 from auv_torchrl.sysid.trace import Outcome, SearchTrace
 from auv_torchrl.vehicle import load_vehicle
@@ -27,13 +28,13 @@ LITTLE = Term("thruster_gain", ("gain_4",), 0.99)
 DRAG = Term("added_mass", ("scale_yaw",), 0.98)
 
 
-def found_as(*terms):
+def found_as(*terms, flown=BOTH):
     """A log of a weak thruster and a load, another one to test on, and an explanation by some terms."""
-    log, testing = (fly(HELD, BOTH, seed=seed, episodes=2, seconds=20.0) for seed in (41, 42))
+    log, testing = (fly(HELD, flown, seed=seed, episodes=2, seconds=20.0) for seed in (41, 42))
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
     problem, follow = follow_windows(problem)
     field = Field.of(problem, follow)
-    none, best = (fit_by_simulation(problem, Explanation(some), follow, rounds=r) for some, r in (((), 0), (terms, 3)))
+    none, best = (fit_by_simulation(problem, Explanation(some), follow, rounds=3) for some in ((), terms))
     record = weighed(problem, field, best.explanation, best.evidence, best.excess, "as given", Outcome.KEPT)
     return Found(problem, follow, none, best, (best, none), field, SearchTrace((record,))), testing
 
@@ -67,6 +68,26 @@ def test_one_cause_is_never_taken_back_for_itself():
     """Whether a single effect stands at all is asked against no effect."""
     found, testing = found_as(GAIN)
     assert take_back(found, testing, SETTINGS).best is found.best
+
+
+def test_a_single_cause_without_which_nothing_is_left_is_taken_back():
+    """A gain of 0.99 that is fitted to a sound flight."""
+    found, testing = found_as(LITTLE, flown={})
+    kept = take_back(found, testing, SETTINGS)
+    assert not kept.best.explanation.effects
+    assert [record.outcome for record in kept.trace.records] == [Outcome.REFUTED, Outcome.KEPT]
+
+
+def test_held_out_flight_that_tells_nothing_does_not_speak_against_the_log():
+    """A vehicle that lies still is predicted as well without its weak thruster, which the log tells of."""
+    mass = Term("added_mass", ("scale_yaw",), 2.0)
+    flown = {"thruster_gain": {"gain_2": 0.5}, "added_mass": {"scale_yaw": 2.0}}
+    found, _ = found_as(GAIN, mass, flown=flown)
+    settles = fly(HELD, flown, seed=42, episodes=2, seconds=20.0, effort=0.0)
+    late = slice(-300, None)
+    still = (Episode(e.number, e.t[late], e.pose[late], e.velocity[late], e.commands[late]) for e in settles.episodes)
+    kept = take_back(found, replace(settles, episodes=tuple(still)), SETTINGS)
+    assert {term.key for term in kept.best.explanation.terms} == {GAIN.key, mass.key}
 
 
 def test_a_log_of_which_no_force_follows_a_window_is_searched_all_the_same():

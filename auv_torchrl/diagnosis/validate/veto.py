@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.neighbours import is_of_family, weighed, without
-from auv_torchrl.diagnosis.identify.paths import Fit
+from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, spread
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
@@ -122,9 +122,10 @@ def calibration_vetoed(quantities: Collection[str]) -> Finding:
 def take_back(found: Found, testing: FlightLog, settings: Settings) -> Found:
     """What was found, less each statement without which held-out flight is predicted as well.
 
-    A statement is an effect beside others, or a member beside others of its family. It stays where some quantity is
-    predicted worse without it, by more than chance; of several that may go, the one that does most harm goes first.
-    Where what then stays leaves more of the log than no effect does, nothing was found.
+    A statement is an effect, or a member beside others of its family. It stays where some quantity is predicted worse
+    without it, by more than chance; of several that may go, the one that does most harm goes first. One that neither
+    helps nor harms there goes where the log is explained without it, too: held-out flight in which thrusters hardly
+    turn tells nothing of them. Where what then stays leaves more of the log than no effect does, nothing was found.
     """
     left = found
     while (less := _without_one(left, testing, settings)) is not None:
@@ -134,19 +135,19 @@ def take_back(found: Found, testing: FlightLog, settings: Settings) -> Found:
 
 def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found | None:
     problem, best = found.problem, found.best
-    smaller = list(_smaller(problem, best))
+    smaller = list(_smaller(found))
     if not smaller:
         return None
     each = [*smaller, best.explanation]
     vehicles = [apply_values(problem.vehicle, one.values(problem.vehicle)) for one in each]
     predictions = predict_by(problem, testing, vehicles, settings)
     errors, whole = scaled_errors(predictions), len(smaller)
-    needless = [i for i in range(whole) if not worse(predictions, whole, i)]
-    if not needless:
+    needless = sorted((i for i in range(whole) if not worse(predictions, whole, i)), key=lambda i: errors[i])
+    fits = ((fit_by_simulation(problem, smaller[i], best.path), i) for i in needless)
+    fit = next((one for one, i in fits if worse(predictions, i, whole) or _may_go(problem, best, one)), None)
+    if fit is None:
         return None
-    kept = smaller[min(needless, key=lambda i: errors[i])]
-    fit = fit_by_simulation(problem, kept, best.path)
-    gone = set(best.explanation.effects) - set(kept.effects)
+    gone = set(best.explanation.effects) - set(fit.explanation.effects)
     how = f"without {' and '.join(sorted(gone)) or 'values of a family'}, for held-out flight"
     record = weighed(problem, found.field, fit.explanation, fit.evidence, fit.excess, how, Outcome.KEPT)
     # What is needless beside one explanation is so beside another that does the same.
@@ -159,10 +160,23 @@ def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found 
     return replace(found, best=fit, fits=(fit, *found.fits), trace=SearchTrace((*before, record)))
 
 
-def _smaller(problem: Problem, best: Fit) -> Iterator[Explanation]:
+def _may_go(problem: Problem, best: Fit, fit: Fit) -> bool:
+    """Whether a log is explained without a statement, too: ``fit`` is without it.
+
+    What explains a log is not given up for what leaves much of it. And nothing at all is said where no effect leaves no
+    more than chance may leave of the best explanation, as of a sound flight that differs a little from another one.
+    """
+    if not fit.explanation.effects:
+        return abs(fit.chi2 - best.chi2) < spread(best)
+    return leaves_much(problem, best) or not leaves_much(problem, fit)
+
+
+def _smaller(found: Found) -> Iterator[Explanation]:
     """The explanation without each of its statements, all else moved as fits best by its quadratic."""
+    problem, best = found.problem, found.best
     terms, effects = best.explanation.terms, best.explanation.effects
-    parts = [[p for p, term in enumerate(terms) if term.effect == name] for name in effects if len(effects) > 1]
+    is_alone = len(effects) == 1 and not _may_go(problem, best, found.none)
+    parts = [[p for p, term in enumerate(terms) if term.effect == name] for name in effects if not is_alone]
     for name in effects:
         family = [p for p, term in enumerate(terms) if term.effect == name and is_of_family(problem, term)]
         parts += [[p] for p in family if len(family) > 1]
