@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_torchrl.diagnosis.calibrate.output_error import MANY, Descent, fit_coefficients, measure_scale, simulate_errors
+from auv_torchrl.diagnosis.calibrate.output_error import Descent, fit_coefficients, measure_scale, simulate_errors
 from auv_torchrl.diagnosis.calibrate.parameters import read_uncertainty
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
@@ -33,15 +33,6 @@ def test_thrusters_of_a_quarter_of_the_thrust_are_found(windows):
     fitted = fit_coefficients(windows, GIVEN, UNCERTAIN)
     true = np.array([TRUTH.get(c.effect, {}).get(c.member, c.nominal) for c in UNCERTAIN])
     assert (np.abs(fitted.values - true) < 4 * np.sqrt(np.diag(fitted.covariance)) + 0.02 * np.abs(true)).all()
-
-
-def test_many_windows_end_where_a_descent_on_all_of_them_does():
-    """From the end on a few of them, no coefficient ends further than its error from where a descent on all ends."""
-    many = cut_windows(fly(GIVEN, TRUTH, seed=777001, episodes=5, seconds=31.0), 2.0, 1.5)
-    assert len(many) > MANY
-    few = fit_coefficients(many, GIVEN, UNCERTAIN)
-    whole = fit_coefficients(many, GIVEN, UNCERTAIN, Descent(many, GIVEN, UNCERTAIN).starting_points())
-    assert (np.abs(few.values - whole.values) < np.sqrt(np.diag(whole.covariance))).all()
 
 
 def test_descents_begin_at_the_file_and_where_all_thrusters_are_weak():

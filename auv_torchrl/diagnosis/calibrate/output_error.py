@@ -34,7 +34,6 @@ DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
 ROUNDS = 40
 SETTLED = 0.4  # chi-square by which a round must improve: a smaller fall moves no coefficient by its error
 NEARLY_SETTLED = 2.0  # likewise where only the prediction of unseen windows counts
-FEW, MANY = 30, 60  # windows: a minute shows which way to descend, and the end on it is near that on more than MANY
 ALONE = 1e-6  # of a variance, by which independent numbers may seem to share it
 # Standard deviations along the widest direction of the prior, the strength of all thrusters, from which descents begin:
 # the file, and a vehicle so weak that it stays near the log. A vehicle that is too strong flies off at once.
@@ -256,8 +255,6 @@ def fit_coefficients(
         begins: coefficients (k,) from which to descend; empty for :meth:`Descent.starting_points`.
         settled: fall of chi-square in a round, below which a descent ends.
     """
-    if not begins and len(windows) > MANY:
-        begins = [fit_coefficients(thin_out(windows, FEW), vehicle, coefficients).values]
     descent = Descent(windows, vehicle, coefficients)
     ends = [descent.descend(begin, settled) for begin in begins or descent.starting_points()]
     memory = min(end.memory for end in ends)
