@@ -158,9 +158,14 @@ class Problem:
         return np.array([not self.settings.is_rough(effect) for effect, *_ in self.nuisance])
 
     def nuisance_step(self, nuisance: NuisanceEntry) -> float:
-        """By how much a nuisance parameter is moved to see what it does."""
-        effect, member, nominal, _ = nuisance
-        return max(NUISANCE_STEP * abs(nominal), LONG_STEP * self.prior.width(effect, member))
+        """By how much a nuisance parameter is moved to see what it does.
+
+        By a share of its size, or of its width where that is more. A share of what its bounds allow would show a vehicle of
+        another mass, and not how this one changes with its mass.
+        """
+        effect, member, nominal, width = nuisance
+        step = NUISANCE_STEP * max(abs(nominal), width)
+        return max(step, LONG_STEP * self.prior.width(effect, member)) if self.settings.is_rough(effect) else step
 
     @cached_property
     def nuisance_bounds(self) -> tuple[Floats, Floats]:
