@@ -160,8 +160,8 @@ class Problem:
     def nuisance_step(self, nuisance: NuisanceEntry) -> float:
         """By how much a nuisance parameter is moved to see what it does.
 
-        By a share of its size, or of its width where that is more. A share of what its bounds allow would show a vehicle of
-        another mass, and not how this one changes with its mass.
+        By a share of its size, or of its width where that is more. A share of what its bounds allow would show another
+        vehicle of a hundred times the mass, and not how this one changes with its mass.
         """
         effect, member, nominal, width = nuisance
         step = NUISANCE_STEP * max(abs(nominal), width)
