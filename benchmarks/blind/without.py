@@ -60,6 +60,7 @@ class Part:
 
 PARTS = {
     "search_thresholds": Part("values that are tried near by", ("identify.fit:search_thresholds",), given(1)),
+    "named_plainly": Part("plainer names", ("identify.search:_EffectSearch._named_plainly",), given(1)),
     "search_valley": Part("values that move together", ("identify.fit:_search_valley",), given(1)),
     "rescued": Part(
         "fits begun again along the motion",
@@ -104,7 +105,7 @@ PARTS = {
 }
 
 # They acted on few logs and changed no answer; the next run prints no rows for them.
-DELETED = ("are_twins", "merged", "named_plainly", "without_small")
+DELETED = ("are_twins", "merged", "without_small")
 
 
 def leave_out(part: Part) -> None:

@@ -327,3 +327,17 @@ def test_no_effect_is_fitted_from_what_was_found_where_slack_may_do(tmp_path):
     found = diagnose(read_flightlog(tmp_path / "log.csv", heavy), heavy)
     assert found.verdict is Verdict.NO_GAP
     assert any("surge, sway are not measured" in sentence for sentence in found.cannot_tell)
+
+
+def test_a_thruster_that_never_leaves_its_dead_band_is_called_dead():
+    """A limit below the dead band, of which no value fits better than another, is a thrust of zero with an interval."""
+    values = {"thrust_limit": {"limit_1": 1.5, "limit_2": 2.7}}
+    problem = problem_of(HELD, values, seed=3)
+    limits = Explanation(
+        tuple(Term("thrust_limit", (member,), limit) for member, limit in values["thrust_limit"].items())
+    )
+    found = search(*follow_windows(problem), lambda *_: None, [limits], further=False)
+    dead = {(term.effect, term.members[0]): term.value for term in found.best.explanation.terms}
+    assert dead == {("thruster_gain", f"gain_{i}"): pytest.approx(0.0, abs=0.01) for i in (1, 2)}
+    assert (np.sqrt(np.diag(found.best.covariance)) < 0.04).all()  # the slack of a gain, 0.03, included
+    assert any(fit is found.best for fit in found.fits)

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.before_effects import follow_agreeing
-from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import (
     fit_by_simulation,
     fitted_on,
@@ -20,6 +20,7 @@ from auv_torchrl.diagnosis.identify.fit import (
     reassess,
     rescued,
 )
+from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
 from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, promise, weighed
 from auv_torchrl.diagnosis.identify.paths import Fit, WindowPath, leaves_much, nuisance_does, sizes
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -38,6 +39,7 @@ from auv_torchrl.diagnosis.thresholds import (
     SEARCHED_WINDOWS,
     SETTLED,
 )
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.sysid.search import Proposal, Search, Way
 from auv_torchrl.sysid.trace import Outcome, Record, SearchTrace
 
@@ -159,6 +161,7 @@ class _EffectSearch(Search[Neighbour, Fit]):
             best = self.settle(fitted) if outdone else self.climb(self.settle(fitted))
         if further and best.explanation.effects and leaves_much(self._problem, best):
             best = self._begun_elsewhere(best)
+        best = self._named_plainly(best)
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
         self._problem.freedoms.clear()
@@ -263,6 +266,26 @@ class _EffectSearch(Search[Neighbour, Fit]):
             if one is not noted and one.path.state.slope.size:
                 self.exchange(one, reassess(problem, one))
         return again
+
+    def _named_plainly(self, best: Fit) -> Fit:
+        """The same vehicle by plainer names, as a thrust limit of 0 is a gain of 0, less what these make needless."""
+        tried = {candidate.effect for candidate in self._problem.candidates}
+
+        def plainer(term: Term) -> Term:
+            values = ((member, term.value) for member in term.members)
+            known = plainer_names(EFFECTS[term.effect], best.path.vehicle, values, tried)
+            if known is None:
+                return term
+            return Term(known[0][0], tuple(member for _, member, _ in known), known[0][2])
+
+        terms = tuple(plainer(term) for term in best.explanation.terms)
+        if terms == best.explanation.terms:
+            return best
+        renamed = fit_by_simulation(self._problem, replace(best.explanation, terms=terms), best.path)
+        self.exchange(best, renamed)
+        self._tried.clear()  # what is smaller was tried beside other names
+        self.ways = (Way.SMALLER,)
+        return self.climb(renamed)
 
 
 def _small(problem: Problem, fitted: Fit) -> list[str]:
