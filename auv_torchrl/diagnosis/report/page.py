@@ -191,7 +191,8 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         (kind for kind in measured_errors(diagnosis.gap) if kind[2].before), key=lambda kind: -_gap(kind[2])
     )
     for name, unit, errors in widest_gaps[:1]:
-        change = with_unit(f"{number(errors.before[-1], 2)} → {number(errors.after[-1], 2)}", unit)
+        before = number(errors.before[-1], 2) if np.isfinite(errors.before[-1]) else "diverges"
+        change = with_unit(f"{before} → {number(errors.after[-1], 2)}", unit)
         floor = with_unit(number(errors.floor[-1], 2), unit)
         when = f"after {diagnosis.gap.horizon_s[-1]:g} s, before and after (floor {floor})"
         facts.append((f"{name} error {when}", change))
