@@ -64,8 +64,8 @@ def test_what_was_taken_back_beside_one_cause_is_so_beside_its_twin():
     assert outcomes[twin.names] is Outcome.REFUTED and outcomes[alone.names] is Outcome.BEATEN
 
 
-def test_one_cause_is_never_taken_back_for_itself():
-    """Whether a single effect stands at all is asked against no effect."""
+def test_a_single_cause_that_the_log_asks_for_is_not_taken_back():
+    """Whether it stands at all is asked against no effect."""
     found, testing = found_as(GAIN)
     assert take_back(found, testing, SETTINGS).best is found.best
 

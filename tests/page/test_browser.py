@@ -141,7 +141,7 @@ def test_a_healthy_dive_is_marked_by_a_click_and_taken_along(tab):
 
 
 def test_a_dive_that_is_marked_breaks_off_no_log_that_is_sent(tab):
-    """However long that one takes to come; the page is the same, and what was typed or ticked in it stays."""
+    """However long that one takes to come; the page is not left, and what was ticked in it stays."""
     row = drop(tab, "here1.csv", another())
     row.get_by_label("compare").check()
     held = []

@@ -1,7 +1,7 @@
 """No explanation stands against unseen flight.
 
-What predicts held-out stretches badly does not explain the gap, and what they are predicted as well without is taken
-back: effects beside others, members of a family, one by one.
+What predicts held-out stretches badly does not explain the gap. What they are predicted as well without is taken back,
+effects and members of a family one by one, unless the log itself asks for it.
 """
 
 from collections.abc import Collection, Iterator
@@ -175,8 +175,8 @@ def _smaller(found: Found) -> Iterator[Explanation]:
     """The explanation without each of its statements, all else moved as fits best by its quadratic."""
     problem, best = found.problem, found.best
     terms, effects = best.explanation.terms, best.explanation.effects
-    is_alone = len(effects) == 1 and not _may_go(problem, best, found.none)
-    parts = [[p for p, term in enumerate(terms) if term.effect == name] for name in effects if not is_alone]
+    is_needed = len(effects) == 1 and not _may_go(problem, best, found.none)
+    parts = [[p for p, term in enumerate(terms) if term.effect == name] for name in effects if not is_needed]
     for name in effects:
         family = [p for p, term in enumerate(terms) if term.effect == name and is_of_family(problem, term)]
         parts += [[p] for p in family if len(family) > 1]
