@@ -30,7 +30,7 @@ def named_effect(monkeypatch):
     exact = SimpleNamespace(errors=SampleErrors())
     problem: Any = SimpleNamespace(vehicle=PAPER, known=None, windows=exact)
     monkeypatch.setattr(decision, "as_sure", lambda _, fit: (fit.explanation, fit.covariance))
-    return lambda probability: found_effects(problem, found, {"thruster_gain": probability}, 1.0, {})[0]
+    return lambda probability, closed=1.0: found_effects(problem, found, {"thruster_gain": probability}, closed, {})[0]
 
 
 def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval(named_effect):
@@ -42,6 +42,12 @@ def test_a_thruster_that_two_values_move_has_their_sum_and_one_interval(named_ef
     deviation = np.sqrt(0.01**2 + 0.02**2 - 2 * 0.5e-4)
     assert second.high - second.value == pytest.approx(Z95 * np.hypot(deviation, MODEL_ERROR * 0.7))
     assert effect.sentence.count("thruster 2") == 1
+
+
+def test_an_effect_has_no_share_of_a_gap_that_has_no_size(named_effect):
+    """Where the simulator diverges without the effects, nobody knows how much one of them closes."""
+    assert named_effect(0.9).gap_closed == pytest.approx(1.0)
+    assert named_effect(0.9, None).gap_closed is None
 
 
 @pytest.mark.parametrize("probability", (0.9, 0.4))

@@ -37,7 +37,7 @@ def found_effects(
     explanation, covariance = as_sure(problem, found.best)
     effects = []
     for name in explanation.effects:
-        share = (closed or 0.0) * shares[name]
+        share = None if closed is None else closed * shares[name]
         effect = _found_effect(problem, explanation, covariance, name, probability[name], share)
         values = {member: estimate.value for member, estimate in effect.parameters.items()}
         advice = EFFECTS[name].advise(problem.vehicle, values, autopilot)
@@ -90,7 +90,7 @@ def cannot_tell(problem: Problem, found: Found, hidden: frozenset[Member]) -> tu
 
 
 def _found_effect(
-    problem: Problem, explanation: Explanation, covariance: Floats, name: str, probability: float, closed: float
+    problem: Problem, explanation: Explanation, covariance: Floats, name: str, probability: float, closed: float | None
 ) -> FoundEffect:
     effect = EFFECTS[name]
     declared, nominal = effect.member_parameters(problem.vehicle), effect.nominal(problem.vehicle)
