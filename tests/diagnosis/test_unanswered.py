@@ -258,11 +258,11 @@ def test_the_thrust_shows_in_no_channel_of_a_replayed_pose():
     assert one.channels == POSE and {entry.episode for entry in one.stretches} >= {1, 2, 3} and not one.contradicts
 
 
-@pytest.mark.parametrize("channel", ["z", "yaw"])
-def test_a_channel_that_contradicts_another_of_the_same_motion_is_suspected(channel):
-    """Depth against heave speed, heading against yaw rate, though the thrust shows in the other one."""
-    assert not suspects(dives(2, "dvl")[0])
-    found = suspects(of_another_dive((channel,), 2, "dvl"))
+@pytest.mark.parametrize(("channel", "sensors"), [("z", "dvl"), ("yaw", "dvl"), ("z", "stock")])
+def test_a_channel_that_contradicts_another_of_the_same_motion_is_suspected(channel, sensors):
+    """Depth against heave speed or specific force, heading against yaw rate, though the thrust shows in the other."""
+    assert not suspects(dives(2, sensors)[0])
+    found = suspects(of_another_dive((channel,), 2, sensors))
     assert (channel,) in [one.channels for one in found if one.contradicts]
 
 

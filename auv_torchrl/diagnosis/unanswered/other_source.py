@@ -31,7 +31,7 @@ from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness, channel
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLog, FlightLogError
 from auv_torchrl.physics import prepare
-from auv_torchrl.sensors import MOTION
+from auv_torchrl.sensors import FELT, MOTION
 from auv_torchrl.vehicle import Vehicle
 
 LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
@@ -40,7 +40,8 @@ SOURCES = (0, 1), (2,), (3, 4), (5,)  # degrees of freedom that one sensor measu
 ABOUT = 0.2  # of the thrust, by which the share that shows in a window of a sound vehicle is off at most
 BEFORE = 3  # windows before the first that is off, which are left out too: thrust may show by chance
 OF_POSITION, HEADING = ("x", "y"), "yaw"  # positions tell of a speed ahead by the heading alone
-SENSORS = ("x", "y"), ("z",), ("roll", "pitch"), ("yaw",), ("u", "v", "w"), ("p", "q", "r")  # what is of one source
+# What is of one source.
+SENSORS = ("x", "y"), ("z",), ("roll", "pitch"), ("yaw",), ("u", "v", "w"), ("p", "q", "r"), FELT
 CONTRADICTED = 0.05  # of the samples of a sensor: glitches of one that is alive make fewer of them outliers
 PARTIES = 2  # sensors of a contradiction: which one is false is told by what the others leave
 
@@ -79,7 +80,7 @@ def _contradicted(problem: Problem) -> Iterator[Suspect]:
     worst = sorted(SENSORS, key=lambda sensor: -max(share.get(name, 0.0) for name in sensor))
     for sensor in worst[:PARTIES]:
         names, rest = set(sensor) & set(measured), set(measured) - set(sensor)
-        told_twice = all(rest & set(_channels(windows, MOTION.index(name) % 6)) for name in names)
+        told_twice = all(rest & {*_channels(windows, d := _freedom(name)), *FELT[d : d + 1]} for name in names)
         if told_twice and any(share[name] > CONTRADICTED for name in names):
             yield Suspect(tuple(Stillness(name) for name in sorted(names)), contradicts=True)
 
@@ -182,8 +183,13 @@ def _odds_behind(share: Floats, deviation: Floats) -> Floats:
     return 0.5 * count * np.log(all_of_it / none)
 
 
+def _freedom(channel: str) -> int:
+    """The degree of freedom that a channel tells of."""
+    return FELT.index(channel) if channel in FELT else MOTION.index(channel) % 6
+
+
 def _channels(windows: Windows, d: int) -> tuple[str, ...]:
-    """The channels that tell of a degree of freedom."""
+    """The channels that tell of a place or a speed in a degree of freedom."""
     tell = (*OF_POSITION, MOTION[6 + d]) if d < len(OF_POSITION) else (MOTION[d], MOTION[6 + d])
     return tuple(name for name in tell if name in windows.channels)
 
