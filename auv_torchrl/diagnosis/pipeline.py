@@ -84,10 +84,10 @@ def diagnose(
             answering, unseen, given, lambda step, share: report(step, begin + (end - begin) * share), vehicle_name
         )
 
-    def unsearched() -> tuple[Diagnosis, Found]:
-        bare = replace(given, uncertainty=(), settings=replace(settings, most_effects=0))
+    def unsearched() -> Diagnosis:
+        bare = replace(given, healthy=(), uncertainty=(), settings=replace(settings, most_effects=0))
         unseen = [restricted(unseen_log, log.axes) for unseen_log in test]
-        return diagnose_answering(log, unseen, bare, report, vehicle_name)
+        return diagnose_answering(log, unseen, bare, report, vehicle_name)[0]
 
     found = weigh_readings(log, given, once, unsearched)
     report("done", 1.0)

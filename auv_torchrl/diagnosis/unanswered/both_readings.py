@@ -37,9 +37,7 @@ Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, an
 # and ends at
 
 
-def weigh_readings(
-    log: FlightLog, given: Given, once: Once, unsearched: Callable[[], tuple[Diagnosis, Found]]
-) -> Diagnosis:
+def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callable[[], Diagnosis]) -> Diagnosis:
     """The diagnosis of a log, with what does not answer to commands said first.
 
     Args:
@@ -50,20 +48,26 @@ def weigh_readings(
     """
     vehicle, settings = given.vehicle, given.settings
     still = find_stillness(log, vehicle, settings)
-    if (share := share_of_held(log, vehicle, settings)) is not None and not _is_all(log, vehicle, settings, still):
-        held = (tell_held(share, log.axes),)
-        return replace(_alone(unsearched()[0], held), alternatives=(Alternative((), in_words(held), 1.0),))
+    whole = _is_all(log, vehicle, settings, still)
+    if not whole and (share := share_of_held(log, vehicle, settings)) is not None:
+        return _nothing_else(log, (tell_held(share, log.axes),), unsearched())
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
         return _unless_of_another_source(log, given, *once(log, 0.0, 0.8), once)
-    rest, whole = None, _is_all(log, vehicle, settings, still)
-    if not whole:
-        rest, still = _explain_others(log, settings, still, once)
+    if whole:
+        return _nothing_else(log, tell(still, whole, len(log.episodes)), unsearched())
+    rest, still = _explain_others(log, settings, still, once)
     logged, found = once(log, 0.5, 1.0)
     if not still or logged.verdict is Verdict.NO_GAP or explained_better(found.problem, found.best.path, still):
         return logged
     silent = tell(still, whole, len(log.episodes))
     return _beside(rest, logged, silent) if rest else _alone(logged, silent)
+
+
+def _nothing_else(log: FlightLog, silent: tuple[Finding, ...], logged: Diagnosis) -> Diagnosis:
+    """That nothing moves with the commands: no fault can be told from that, and none was looked for."""
+    alone = replace(_alone(logged, silent), alternatives=(Alternative((), in_words(silent), 1.0),))
+    return replace(alone, findings=(*silent, *log.findings))
 
 
 def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, found: Found, once: Once) -> Diagnosis:
