@@ -22,7 +22,7 @@ from auv_torchrl.diagnosis.motion.windows import (
     chunks,
     columns_of_motion,
 )
-from auv_torchrl.diagnosis.thresholds import SMALL_SWING, TILTS
+from auv_torchrl.diagnosis.thresholds import LOST, SMALL_SWING, TILTS
 from auv_torchrl.flightlog import FlightLogError
 from auv_torchrl.physics import ActiveTerms, Coefficients, prepare
 from auv_torchrl.physics.kinematics import cross, matvec, normalise, rotation_matrix
@@ -31,6 +31,8 @@ from auv_torchrl.sensors import FELT, MOTION, Inverse, motion_of, read
 from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
+MORE_TURNS = 4  # of three rounds, of windows that are lost: twice as many find few more
+STILL_FALLS = 0.9  # of the misfit of such a window, below which a turn must bring it
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 USUAL_SPEED = 0.5  # m/s, prior of a speed where an accelerometer alone measures that axis
 REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse
@@ -261,19 +263,39 @@ def fields(state: Smoothed) -> tuple[Floats, ...]:
 def follow(
     windows: Windows, vehicle: Vehicle, layout: Layout, sigma: dict[str, float], force_prior: Floats, begin: Floats
 ) -> Smoothed:
-    """Smooth from far away: first pieces so short that even a wrong model stays near, then whole windows.
+    """Smooth from far away: first pieces so short that even a wrong model stays near, then halves, then whole windows.
 
+    Windows that are lost all the same go on while that helps: a vehicle that turns fast bends the way to the minimum.
     ``begin`` is a rough force (W, B, D), see :func:`rough_force`.
     """
-    pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
-    short = replace(layout, bins=PIECE_BINS)
-    guess = Inverse.of(coefficients(vehicle), windows.channels).as_reported(pieces.guess).copy()
-    guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
-    pushed = begin.reshape(len(pieces), PIECE_BINS, -1)
-    near = smooth(pieces, vehicle, short, sigma, force_prior, (guess, pushed), rounds=2, bends=False)
-    start = near.start.reshape(len(windows), -1, 12)[:, 0]
-    bins = near.bins.reshape(len(windows), layout.bins, len(layout.dof))
-    return smooth(windows, vehicle, layout, sigma, force_prior, (start, bins))
+    start, bins = None, begin
+    half = layout.bins // 2
+    for length in (PIECE_BINS, half) if half > PIECE_BINS and half % PIECE_BINS == 0 else (PIECE_BINS,):
+        pieces, short = windows.split(length * layout.steps_per_bin), replace(layout, bins=length)
+        if start is None:
+            start = Inverse.of(coefficients(vehicle), windows.channels).as_reported(pieces.guess).copy()
+            start[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
+        else:  # where the shorter piece with the same beginning has it
+            start = start.reshape(len(pieces), -1, 12)[:, 0]
+        pushed = bins.reshape(len(pieces), length, -1)
+        bends = length > PIECE_BINS
+        near = smooth(pieces, vehicle, short, sigma, force_prior, (start, pushed), rounds=2, bends=bends)
+        start, bins = near.start, near.bins
+    whole = start.reshape(len(windows), -1, 12)[:, 0], bins.reshape(len(windows), layout.bins, -1)
+    state = smooth(windows, vehicle, layout, sigma, force_prior, whole)
+    left = misfit(windows, state.residual, sigma)
+    going_on = left > LOST
+    for _ in range(MORE_TURNS if going_on.any() else 0):
+        some = windows.subset(going_on)
+        on = state.start[going_on], state.bins[going_on]
+        state = replaced(
+            windows, vehicle, layout, state, going_on, smooth(some, vehicle, layout, sigma, force_prior, on)
+        )
+        before, left = left, misfit(windows, state.residual, sigma)
+        going_on &= (left > LOST) & (left < STILL_FALLS * before)
+        if not going_on.any():
+            break
+    return state
 
 
 @DIVERGING
