@@ -1,6 +1,6 @@
 """What explains a log: a correction of the vehicle's file, effects on top of it, checked on held-out flight."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from auv_torchrl.diagnosis.calibrate.calibration import noise_findings
 from auv_torchrl.diagnosis.calibrate.correction import Correction, correct_file
@@ -12,7 +12,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.search import Found, Progress
 from auv_torchrl.diagnosis.lengths import spread
 from auv_torchrl.diagnosis.localize.unlike import is_unlike, unless_unlike
-from auv_torchrl.diagnosis.log_search import LogSearch, is_explained, search_both_attitudes
+from auv_torchrl.diagnosis.log_search import Calibrated, LogSearch, is_explained, search_both_attitudes
 from auv_torchrl.diagnosis.validate.predict import (
     Predictions,
     closed_share,
@@ -38,6 +38,7 @@ class Given:
     settings: Settings
     uncertainty: tuple[Coefficient, ...]
     kept: StoredCalibration | None
+    calibrated: Calibrated = field(default_factory=dict)  # what the healthy flights showed, for all parts of the log
 
     @property
     def is_guess(self) -> bool:
@@ -88,7 +89,7 @@ def explain(
     settings = corrected.settings(given.settings)
     searched = search_both_attitudes(
         training, corrected.vehicle, given.healthy, settings, report, given.uncertainty, given.kept,
-        corrected.prior,
+        corrected.prior, given.calibrated,
     )  # fmt: skip
     found, own = searched.found, searched.found.problem.vehicle
     unlike = None if is_explained(found) else unless_unlike(found)

@@ -22,6 +22,7 @@ from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Found, Progress, search
 from auv_torchrl.diagnosis.localize.unlike import evidence_of_unlike
 from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
@@ -30,6 +31,10 @@ from auv_torchrl.vehicle import Vehicle
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
 FOLLOWED_AGAIN = 0.75  # share of the work that is done when a log is followed along what was found
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
+
+
+# By whether roll and pitch are hidden: the vehicle as healthy logs show it, or the fault that they show.
+Calibrated = dict[bool, tuple[Calibration | None, Explanation | None]]
 
 
 @dataclass(frozen=True)
@@ -123,23 +128,23 @@ def search_both_attitudes(
     coefficients: Sequence[Coefficient] = (),
     kept: StoredCalibration | None = None,
     left: HealthyPrior | None = None,
+    calibrated: Calibrated | None = None,
 ) -> LogSearch:
     """Explain a log; where it hides roll and pitch and shows a gap, with a level and with a free vehicle.
 
     ``kept`` is what the vehicle's file keeps of healthy logs, for where there are none, and ``left`` what this log
-    leaves open of a file that was corrected on it.
+    leaves open of a file that was corrected on it. ``calibrated`` keeps what healthy logs show, for other parts of the
+    same log: it takes longer than the rest.
     """
     hidden = is_hidden(training, vehicle)
     held = hold_attitude(training, vehicle)
     free = vehicle.free if hidden else None
     sound = kept.calibration(held) if kept and not healthy else None
     if healthy:
-        drafted = draft(healthy, held, settings, coefficients)
-        few = 0 < len(drafted.wrong_effects) <= settings.most_effects
-        fault = _fault_of(healthy, vehicle, settings, report) if few else None
-        if fault is None:
-            sound = calibrate_draft(drafted, settings, free)
-            fault = _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
+        calibrated = {} if calibrated is None else calibrated
+        if hidden not in calibrated:
+            calibrated[hidden] = _calibrate(healthy, vehicle, held, free, settings, report, coefficients)
+        sound, fault = calibrated[hidden]
         if fault is not None:
             searched = search_both_attitudes(training, vehicle, (), settings, report)
             return replace(searched, contradiction=(healthy_not_healthy(healthy, fault),))
@@ -157,6 +162,24 @@ def search_both_attitudes(
     odds = log_likelihood(tilting.found.problem, tilting.found.best) - log_likelihood(level.found.problem, best)
     better = tilting if odds > 0 else level
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
+
+
+def _calibrate(
+    healthy: Sequence[FlightLog],
+    vehicle: Vehicle,
+    held: Vehicle,
+    free: Floats | None,
+    settings: Settings,
+    report: Progress,
+    coefficients: Sequence[Coefficient],
+) -> tuple[Calibration | None, Explanation | None]:
+    """The vehicle as healthy logs show it, or the fault that they show."""
+    drafted = draft(healthy, held, settings, coefficients)
+    few = 0 < len(drafted.wrong_effects) <= settings.most_effects
+    if few and (fault := _fault_of(healthy, vehicle, settings, report)) is not None:
+        return None, fault
+    sound = calibrate_draft(drafted, settings, free)
+    return sound, _fault_of(healthy, vehicle, settings, report) if sound.has_gap and not few else None
 
 
 def _fault_of(
