@@ -15,10 +15,17 @@ from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
-from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, fit_the_vehicle, share_of_held
+from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, left_by, share_of_held
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by, without
-from auv_torchrl.diagnosis.unanswered.wording import in_words, named, tell, tell_held, tell_other_source
+from auv_torchrl.diagnosis.unanswered.wording import (
+    in_words,
+    named,
+    tell,
+    tell_contradiction,
+    tell_held,
+    tell_other_source,
+)
 from auv_torchrl.diagnosis.verdict import (
     OTHERS,
     Alternative,
@@ -35,6 +42,9 @@ from auv_torchrl.vehicle import Vehicle
 
 Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, and the shares of the work it begins
 # and ends at
+FAR_LESS = (
+    0.1  # of what the other sensor's absence leaves, and the best explanation of all: a false one outweighs faults
+)
 
 
 def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callable[[], Diagnosis]) -> Diagnosis:
@@ -71,9 +81,14 @@ def _nothing_else(log: FlightLog, silent: tuple[Finding, ...], logged: Diagnosis
 
 
 def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, found: Found, once: Once) -> Diagnosis:
-    """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first."""
+    """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first.
+
+    Of two sensors that contradict each other one is false, whatever the vehicle does: that without which far less is
+    left. All others may then show a fault.
+    """
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
+    contradict: list[tuple[float, FlightLog, tuple[Finding, ...]]] = []
     for suspect in find_other_source(log, found.problem, found.follow.explanation, given.settings):
         if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
             return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
@@ -81,12 +96,34 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         if others is None:  # what is left needs what is gone
             continue
         silent = tell_other_source(blamed(suspect.stretches), len(log.episodes))
-        if fit_the_vehicle(others, found.problem, given.settings):
+        left = left_by(others, found.problem, given.settings)
+        if left.is_nothing:
             return _alone(logged, silent)
         rest = _explained(others, suspect.contradicts, given, once) if given.is_guess else None
         if rest is not None:  # by a file that was corrected anew
             return _beside(rest, logged, silent)
-    return logged
+        if suspect.contradicts:
+            contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
+    return _beside_the_false_one(contradict, logged, found, once)
+
+
+def _beside_the_false_one(
+    contradict: Sequence[tuple[float, FlightLog, tuple[Finding, ...]]], logged: Diagnosis, found: Found, once: Once
+) -> Diagnosis:
+    """What all others show beside the one of contradicting sensors without which far less is left, if one is so.
+
+    ``contradict`` has for each sensor what is left without it, the log of all others, and what is said of it.
+    """
+    ranked = sorted(contradict, key=lambda one: one[0])
+    lefts = [*(excess for excess, *_ in ranked), found.excess]
+    if not ranked or lefts[0] > FAR_LESS * min(lefts[1:]):
+        return logged
+    _, others, silent = ranked[0]
+    try:
+        rest, _ = once(others, 0.8, 1.0)
+    except FlightLogError:  # too little is left to explain
+        return _alone(logged, silent)
+    return _beside(rest, logged, silent)
 
 
 def follows_otherwise(found: Found) -> bool:

@@ -122,13 +122,22 @@ def share_of_held(log: FlightLog, vehicle: Vehicle, settings: Settings) -> float
     return share if min(odds) > -SURE and sum(odds) > SURE else None
 
 
-def fit_the_vehicle(log: FlightLog, problem: Problem, settings: Settings) -> bool:
-    """Whether a log leaves nothing to explain of the vehicle of a problem; not, where too little is left of it."""
+@dataclass(frozen=True)
+class Left:
+    """What a log leaves to explain of the vehicle of a problem."""
+
+    excess: float  # chi-square per number
+    is_nothing: bool
+
+
+def left_by(log: FlightLog, problem: Problem, settings: Settings) -> Left:
+    """What a log leaves; all of it, where it is too short to say so."""
     try:
         own, follow = follow_windows(_cut(log, problem, settings))
     except FlightLogError:
-        return False
-    return nuisance_does(own, fit_by_simulation(own, Explanation(), follow))
+        return Left(np.inf, is_nothing=False)
+    fit = fit_by_simulation(own, Explanation(), follow)
+    return Left(fit.excess, nuisance_does(own, fit))
 
 
 def _cut(log: FlightLog, problem: Problem, settings: Settings) -> Problem:

@@ -1,6 +1,7 @@
 """What is said of channels that do not answer to commands."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, channels_of
 from auv_torchrl.flightlog import Finding, Severity
@@ -79,6 +80,15 @@ def tell_other_source(false: Sequence[Stillness], episodes: int, whole: bool = F
         remedy = f"Look at the source of the {name}: whether it is this vehicle's, of this dive, and alive"
     code = NOTHING_FOLLOWS if whole else ELSEWHERE
     return (Finding(Severity.WARNING, code, sentence, remedy, channels),)
+
+
+def tell_contradiction(false: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
+    """The finding about channels of one source that contradict all others; ``episodes`` as of the log."""
+    (own,) = tell_other_source(false, episodes)
+    name = named(own.columns)
+    when, _, _ = own.sentence.partition(name)
+    sentence = f"{when}{name} {_does(name)} not follow the vehicle: other channels tell of another motion, and agree"
+    return (replace(own, sentence=sentence),)
 
 
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
