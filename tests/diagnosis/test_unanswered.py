@@ -15,7 +15,8 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.table import summary_table
-from auv_torchrl.diagnosis.unanswered.other_source import find_other_source
+from auv_torchrl.diagnosis.unanswered.both_readings import FAR_LESS
+from auv_torchrl.diagnosis.unanswered.other_source import find_other_source, left_by
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves
 from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
@@ -264,6 +265,23 @@ def test_a_channel_that_contradicts_another_of_the_same_motion_is_suspected(chan
     assert not suspects(dives(2, sensors)[0])
     found = suspects(of_another_dive((channel,), 2, sensors))
     assert (channel,) in [one.channels for one in found if one.contradicts]
+
+
+def test_a_false_channel_outweighs_what_a_file_has_wrong():
+    """Without it far less is left than without the other one that it contradicts, though not all is explained."""
+    log, heavy = of_another_dive(("yaw",), 2, "dvl"), load_vehicle("bluerov2_heavy")
+    gain = np.ones(heavy.thrusters)
+    gain[2] = 0.75
+    other = changed(heavy, gain=heavy.gain / gain)  # the thruster that flew gives 0.75 times what this vehicle's does
+    problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), other, SETTINGS)
+    left = {}
+    for suspect in find_other_source(log, problem, Explanation(), SETTINGS):
+        others = without(log, [Stillness(name) for name in suspect.channels])
+        if suspect.contradicts and others is not None:
+            left[suspect.channels] = left_by(others, problem, SETTINGS)
+    least, *more = sorted(left, key=lambda channels: left[channels].excess)
+    assert least == ("yaw",) and more and not left[least].is_nothing
+    assert left[least].excess < FAR_LESS * min(left[one].excess for one in more)
 
 
 @pytest.mark.thorough
