@@ -1,7 +1,7 @@
 """A channel that moves, but not with the vehicle: replayed, or of another source.
 
 A sensor may contradict another one of the same motion. Which of the two is false is told by all others: without the
-false one they leave nothing to explain.
+false one they leave nothing to explain, or far less than without the other.
 
 Where no other sensor tells of the motion, the thrust does: along the measured motion such a channel tells of a force
 that undoes what the thrusters push. So of each degree of freedom the share of the thrust that shows is fitted in every
@@ -73,7 +73,10 @@ def find_other_source(log: FlightLog, problem: Problem, sensor: Explanation, set
 
 
 def _contradicted(problem: Problem) -> Iterator[Suspect]:
-    """The sensors that no motion can agree with, as others tell of the same motion: those with the most outliers."""
+    """The sensors that no motion can agree with, as others tell of the same motion: those with the most outliers.
+
+    An accelerometer tells of a motion, too, by how a speed changes.
+    """
     windows, counts = problem.windows, problem.outlying
     measured = dict(zip(windows.channels, (windows.trust > 0).sum((0, 1)).tolist(), strict=True))
     share = {name: counts.get(name, 0) / max(1, number) for name, number in measured.items()}
