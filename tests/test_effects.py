@@ -110,6 +110,14 @@ def test_every_effect_says_what_it_is(effect, name):
             assert p.sentence_of(f"{p.name}_{which}" if which else p.name, p.low)
 
 
+@pytest.mark.parametrize(("value", "gives"), [(0.0, "no thrust"), (-0.004, "no thrust"), (0.01, "0.01 times its")])
+def test_a_thruster_that_gives_nothing_is_said_to_give_no_thrust(value, gives):
+    """As soon as its gain would be written as 0; of all thrusters at once, too."""
+    (gain,) = EFFECTS["thruster_gain"].parameters
+    assert gain.sentence_of("gain_3", value).startswith(f"thruster 3 gives {gives}")
+    assert gain.sentence_of_all(value).startswith(f"every thruster gives {gives}")
+
+
 @pytest.mark.parametrize("effect", [effect for name, effect in ACTING.items() if name.startswith("thrust")],
                          ids=lambda effect: effect.name)  # fmt: skip
 @pytest.mark.parametrize("name", ["remus100", "milliampere"])

@@ -38,6 +38,7 @@ thruster_gain = Effect(
             2.0,
             "thruster {which} gives {value:z.2f} times its nominal thrust",
             "thruster",
+            at_zero="thruster {which} gives no thrust",
             guessed=0.4,  # voltage, wake on the frame, scale of the commands: half to twice what charts say
             varies=0.03,  # volts, which all thrusters share
         ),

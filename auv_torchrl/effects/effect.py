@@ -53,6 +53,7 @@ class Parameter:
     ordinary: float = 0.0  # what clocks, filters, brackets of a sound vehicle are off by: no finding beside a fault
     loose: float = 0.0  # standard deviation of sound sensors ...
     beside: tuple[str, ...] = ()  # ... in logs that hold some of these channels, beside which it shows; empty: in all
+    at_zero: str = ""  # the sentence where the value is written as 0
     varies: float = 0.0  # standard deviation from flight to flight of a sound vehicle, members of a family together
 
     def members(self, vehicle: Vehicle) -> tuple[str, ...]:
@@ -82,11 +83,15 @@ class Parameter:
 
     def sentence_of(self, member: str, value: float) -> str:
         """The sentence of a report about a member that has a value."""
-        return self._sentence(self.sentence, value, words(member.removeprefix(f"{self.name}_")))
+        return self._sentence(self._template(value), value, words(member.removeprefix(f"{self.name}_")))
 
     def sentence_of_all(self, value: float) -> str:
         """The same about all members of a family that have one value."""
-        return self._sentence(self.sentence.replace("thruster {which}", "every thruster"), value, "all directions")
+        template = self._template(value).replace("thruster {which}", "every thruster")
+        return self._sentence(template, value, "all directions")
+
+    def _template(self, value: float) -> str:
+        return self.at_zero if self.at_zero and f"{value:z.2f}" == "0.00" else self.sentence
 
     def _sentence(self, template: str, value: float, which: str) -> str:
         return template.format(

@@ -94,7 +94,7 @@ def test_half_a_certainty_is_no_right_row_of_the_firmware_table():
     """Thruster 4 as perhaps 40 % in a gap that is partly explained is half right, and its row says the probability."""
     case = next(case for case in ardusub.CASES if case.name == "stock_dead_thruster4")
     estimate = {"gain_4": Estimate(0.0, -0.1, 0.1, 1.0, "1")}
-    effect = FoundEffect("thruster_gain", 0.4, estimate, (4,), 0.9, "Thruster 4 gives 0.00 times its nominal thrust.")
+    effect = FoundEffect("thruster_gain", 0.4, estimate, (4,), 0.9, "Thruster 4 gives no thrust.")
     said = Diagnosis(
         "log", "bluerov2_heavy", Verdict.PARTLY_EXPLAINED, "", Where(), (effect,),
         (EffectProbability("thruster_gain", 0.4),), (), None, Gap(()), None,
