@@ -11,7 +11,8 @@ from auv_torchrl.diagnosis.verdict import Overview
 from auv_torchrl.flightlog.log import Floats
 
 _WIDTH, _LEFT, _RIGHT = 1040.0, 84.0, 8.0
-_STRIP, _GAP, _THRUSTER = 62.0, 14.0, 11.0  # heights: of a curve, between strips, of the row of a thruster
+# Heights: of the title of a curve, of the curve, of what is between strips, of the row of a thruster.
+_TITLE, _STRIP, _GAP, _THRUSTER = 15.0, 62.0, 8.0, 11.0
 _CELLS = 240  # of a row of commands at most
 _PAUSE = 8.0  # times the usual distance of two samples: from there on, nothing is drawn between them
 
@@ -34,7 +35,8 @@ def dive(overview: Overview, held_out: Sequence[tuple[float, float]] = (), onset
         if np.isfinite(values).any()
     ]
     rows = overview.commands.shape[1]
-    commands = len(strips) * (_STRIP + _GAP)
+    each = _TITLE + _STRIP + _GAP
+    commands = len(strips) * each
     height = commands + rows * _THRUSTER + _GAP + 20
     start, stop = float(overview.t[0]), float(overview.t[-1])
 
@@ -48,7 +50,7 @@ def dive(overview: Overview, held_out: Sequence[tuple[float, float]] = (), onset
     ]
     parts += [line(across(t), 0, across(t), height - 20, "grid") for t in overview.begins[1:]]
     for place, (title, values) in enumerate(strips):
-        parts += _curve(title, values, overview.t, across, place * (_STRIP + _GAP))
+        parts += _curve(title, values, overview.t, across, place * each + _TITLE)
     for thruster in range(rows):
         y = commands + thruster * _THRUSTER
         parts.append(text(_LEFT - 6, y + 9, f"thruster {thruster + 1}", "tick", "end"))
@@ -67,13 +69,13 @@ def _longest(t: Floats) -> float:
 
 
 def _curve(title: str, values: Floats, t: Floats, across: Callable[[float], float], top: float) -> Iterable[str]:
-    """A strip with a curve; depth counts downwards, so that the picture does."""
+    """A strip with a curve below its title; depth counts downwards, so that the picture does."""
     seen = values[np.isfinite(values)]
     low, high = float(seen.min()), float(seen.max())
     margin = max(0.08 * (high - low), 1e-3)
     low, high = low - margin, high + margin
     ys = top + _STRIP * (high - values) / (high - low)
-    yield text(_LEFT + 4, top + 11, title, "title")
+    yield text(_LEFT, top - 4, title, "title")
     for tick in ticks(low, high, 2):
         y = top + _STRIP * (high - tick) / (high - low)
         yield line(_LEFT, y, _WIDTH - _RIGHT, y, "grid")
