@@ -242,6 +242,7 @@ def replaced(
     return _of_fields(merged, slopes_along(windows, vehicle, layout, tuple(merged[3:]), slope))
 
 
+@DIVERGING
 def flown(actuation: Actuation, layout: Layout, start: Floats, bins: Floats) -> tuple[Floats, Floats]:
     """Measured less predicted (W, R, K) and states (W, R, S + 1, 13) at starts (W, R, 12) and bins (W, R, B, D)."""
     windows = actuation.windows
