@@ -32,7 +32,7 @@ from auv_torchrl.vehicle import Vehicle
 
 PIECE_BINS = 2  # bins of a short piece
 MORE_TURNS = 4  # of three rounds, of windows that are lost: twice as many find few more
-STILL_FALLS = 0.9  # of the misfit of such a window, below which a turn must bring it
+STILL_FALLS = 0.5  # of the misfit of such a window, below which a turn must bring it: what falls slowly takes long
 LOOSE_START = np.array([10.0] * 3 + [0.5, 0.5, 3.2] + [3.0] * 3 + [1.0, 1.0, 10.0])  # weak priors about the guess
 USUAL_SPEED = 0.5  # m/s, prior of a speed where an accelerometer alone measures that axis
 REACH_S = 0.25  # half width of the parabolas; wider where samples are sparse

@@ -83,8 +83,8 @@ def _nothing_else(log: FlightLog, silent: tuple[Finding, ...], logged: Diagnosis
 def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, found: Found, once: Once) -> Diagnosis:
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first.
 
-    Of two sensors that contradict each other one is false, whatever the vehicle does: that without which far less is
-    left. All others may then show a fault.
+    Of two sensors that contradict each other one is false: that without which far less is left, and all others are
+    explained. They may show a fault. A file that is a guess tells nothing of how much should be left.
     """
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
@@ -102,7 +102,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         rest = _explained(others, suspect.contradicts, given, once) if given.is_guess else None
         if rest is not None:  # by a file that was corrected anew
             return _beside(rest, logged, silent)
-        if suspect.contradicts:
+        if suspect.contradicts and not given.is_guess:
             contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
     return _beside_the_false_one(contradict, logged, found, once)
 
@@ -120,10 +120,10 @@ def _beside_the_false_one(
         return logged
     _, others, silent = ranked[0]
     try:
-        rest, _ = once(others, 0.8, 1.0)
+        rest, seen = once(others, 0.8, 1.0)
     except FlightLogError:  # too little is left to explain
-        return _alone(logged, silent)
-    return _beside(rest, logged, silent)
+        return logged
+    return _beside(rest, logged, silent) if is_explained(seen) else logged
 
 
 def follows_otherwise(found: Found) -> bool:
