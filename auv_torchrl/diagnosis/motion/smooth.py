@@ -269,34 +269,32 @@ def follow(
     Windows that are lost all the same go on while that helps: a vehicle that turns fast bends the way to the minimum.
     ``begin`` is a rough force (W, B, D), see :func:`rough_force`.
     """
-    start, bins = None, begin
+    pieces = windows.split(PIECE_BINS * layout.steps_per_bin)
+    guess = Inverse.of(coefficients(vehicle), windows.channels).as_reported(pieces.guess).copy()
+    guess[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
+    short, pushed = replace(layout, bins=PIECE_BINS), begin.reshape(len(pieces), PIECE_BINS, -1)
+    near = smooth(pieces, vehicle, short, sigma, force_prior, (guess, pushed), rounds=2, bends=False)
     half = layout.bins // 2
-    for length in (PIECE_BINS, half) if half > PIECE_BINS and half % PIECE_BINS == 0 else (PIECE_BINS,):
-        pieces, short = windows.split(length * layout.steps_per_bin), replace(layout, bins=length)
-        if start is None:
-            start = Inverse.of(coefficients(vehicle), windows.channels).as_reported(pieces.guess).copy()
-            start[:, np.setdiff1d(np.arange(12), layout.start)] = 0.0  # held
-        else:  # where the shorter piece with the same beginning has it
-            start = start.reshape(len(pieces), -1, 12)[:, 0]
-        pushed = bins.reshape(len(pieces), length, -1)
-        bends = length > PIECE_BINS
-        near = smooth(pieces, vehicle, short, sigma, force_prior, (start, pushed), rounds=2, bends=bends)
-        start, bins = near.start, near.bins
-    whole = start.reshape(len(windows), -1, 12)[:, 0], bins.reshape(len(windows), layout.bins, -1)
-    state = smooth(windows, vehicle, layout, sigma, force_prior, whole)
+    if half > PIECE_BINS and half % PIECE_BINS == 0:
+        halves, short = windows.split(half * layout.steps_per_bin), replace(layout, bins=half)
+        near = smooth(halves, vehicle, short, sigma, force_prior, _joined(near, len(halves)), rounds=2)
+    state = smooth(windows, vehicle, layout, sigma, force_prior, _joined(near, len(windows)))
     left = misfit(windows, state.residual, sigma)
-    going_on = left > LOST
-    for _ in range(MORE_TURNS if going_on.any() else 0):
-        some = windows.subset(going_on)
-        on = state.start[going_on], state.bins[going_on]
-        state = replaced(
-            windows, vehicle, layout, state, going_on, smooth(some, vehicle, layout, sigma, force_prior, on)
-        )
+    lost = left > LOST
+    for _ in range(MORE_TURNS if lost.any() else 0):
+        on = state.start[lost], state.bins[lost]
+        again = smooth(windows.subset(lost), vehicle, layout, sigma, force_prior, on)
+        state = replaced(windows, vehicle, layout, state, lost, again)
         before, left = left, misfit(windows, state.residual, sigma)
-        going_on &= (left > LOST) & (left < STILL_FALLS * before)
-        if not going_on.any():
+        lost &= (left > LOST) & (left < STILL_FALLS * before)
+        if not lost.any():
             break
     return state
+
+
+def _joined(pieces: Smoothed, count: int) -> tuple[Floats, Floats]:
+    """Starts (count, 12) and forces (count, B, D) of longer windows, each of as many pieces."""
+    return pieces.start.reshape(count, -1, 12)[:, 0], pieces.bins.reshape(count, -1, pieces.bins.shape[-1])
 
 
 @DIVERGING

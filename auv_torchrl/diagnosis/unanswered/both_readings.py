@@ -42,9 +42,8 @@ from auv_torchrl.vehicle import Vehicle
 
 Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, and the shares of the work it begins
 # and ends at
-FAR_LESS = (
-    0.1  # of what the other sensor's absence leaves, and the best explanation of all: a false one outweighs faults
-)
+# Of what is left without the other sensor, or by the best explanation of all: a false sensor outweighs faults.
+FAR_LESS = 0.1
 
 
 def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callable[[], Diagnosis]) -> Diagnosis:
@@ -70,7 +69,7 @@ def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callabl
     logged, found = once(log, 0.5, 1.0)
     if not still or logged.verdict is Verdict.NO_GAP or explained_better(found.problem, found.best.path, still):
         return logged
-    silent = tell(still, whole, len(log.episodes))
+    silent = tell(still, False, len(log.episodes))
     return _beside(rest, logged, silent) if rest else _alone(logged, silent)
 
 
