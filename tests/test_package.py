@@ -9,11 +9,12 @@ import sysconfig
 import tomllib
 import venv
 import zipfile
-from importlib.metadata import packages_distributions
+from importlib.metadata import distributions, packages_distributions
 from pathlib import Path
 
 import pytest
 from packaging.metadata import Metadata
+from packaging.specifiers import SpecifierSet
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.paths import CONF, EXAMPLE_LOG, PROJECT, config_path
@@ -107,6 +108,12 @@ def test_the_metadata_are_what_an_index_takes(wheel):
     assert wheel.stat().st_size < 2e6
     base = {one.name for one in metadata.requires_dist or [] if one.marker is None}
     assert "numpy" in base and not base & {"hydra-core", "torch", "pandas"}
+
+
+def test_every_pinned_package_is_for_the_python_of_debian_12():
+    """Python 3.11.2, which many laptops and small computers have: a pin that needs 3.11.5 installs nothing there."""
+    asks = {one.name: one.metadata["Requires-Python"] for one in distributions()}
+    assert not {name: asked for name, asked in asks.items() if asked and not SpecifierSet(asked).contains("3.11.2")}
 
 
 def test_what_is_imported_is_declared_and_the_other_way_round():
