@@ -1,12 +1,14 @@
 """Flights of a known vehicle, to be diagnosed: position holding and excitation, sampled with noise."""
 
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import Episode, FlightLog
+from auv_torchrl.flightlog import Episode, FlightLog, read_flightlog, write_flightlog
 from auv_torchrl.scenario import Change, Scenario
 from auv_torchrl.simulator import PlainSimulator, at_rest, record
 from auv_torchrl.vehicle import Vehicle
@@ -104,6 +106,12 @@ class Pushed:
         reached, force = self.push(command, state.position, state.velocity, state.time[0])
         self.simulator.state = _pushed(state, self.simulator.coefficients, force)
         self.simulator.step(reached)
+
+
+def as_read(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """A log as it is read from its file, where values that a slower sensor repeats are told."""
+    with TemporaryDirectory() as folder:
+        return read_flightlog(write_flightlog(log, Path(folder) / "log.csv"), vehicle)
 
 
 def _hold_position(seen: np.ndarray, before: np.ndarray | None) -> np.ndarray:

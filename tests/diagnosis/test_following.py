@@ -1,8 +1,6 @@
 """Windows are followed by a free force, whatever is wrong of the vehicle that it pushes."""
 
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -11,12 +9,12 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import read_flightlog, write_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.flights.cases import Case
 from benchmarks.blind.flights.fly import fly as fly_cases
 from benchmarks.blind.flights.sensor_sets import SENSOR_SETS, sensor_set
 from benchmarks.owners.acts import ACTS
+from tests.diagnosis.flown_logs import as_read
 
 HEAVY, SETTINGS = load_vehicle("bluerov2_heavy"), load_settings()
 
@@ -26,9 +24,7 @@ def windows_of_a_dive(sensors):
     """A sound vehicle, by a pilot who uses all of its eight thrusters and turns at up to 4 rad/s."""
     case = Case(1, "sound", axes=sensor_set(sensors).axes, sensors=sensors, episodes=1)
     ((log, _),) = fly_cases([case], HEAVY, 11, ACTS)
-    with TemporaryDirectory() as folder:  # as it is read, where values that a slower sensor repeats are told
-        read = read_flightlog(write_flightlog(log, Path(folder) / "log.csv"), HEAVY)
-    return cut_windows(read, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
+    return cut_windows(as_read(log, HEAVY), SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
 
 
 @pytest.mark.parametrize("thrust", [1.0, 0.7])

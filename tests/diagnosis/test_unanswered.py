@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -22,13 +20,13 @@ from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
 from auv_torchrl.diagnosis.verdict import Where
 from auv_torchrl.effects.effect import changed
-from auv_torchrl.flightlog import POSE, read_flightlog, write_flightlog
+from auv_torchrl.flightlog import POSE, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.flights.cases import Case
 from benchmarks.blind.flights.fly import fly as fly_cases
 from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.owners.acts import ACTS
-from tests.diagnosis.flown_logs import fly, hold
+from tests.diagnosis.flown_logs import as_read, fly, hold
 from tests.diagnosis.stuck_channels import GROUPS, rocked, stuck
 from tests.flightlog.shared_data import shared
 
@@ -219,13 +217,7 @@ def dives(episodes, sensors="mocap"):
     axes = sensor_set(sensors).axes
     cases = [Case(number, "sound", axes=axes, sensors=sensors, episodes=episodes) for number in (1, 2)]
     heavy = load_vehicle("bluerov2_heavy")
-    return [read(log, heavy) for log, _ in fly_cases(cases, heavy, 11, ACTS)]
-
-
-def read(log, vehicle):
-    """A log as it is read from its file, where values that a slower sensor repeats are told."""
-    with TemporaryDirectory() as folder:
-        return read_flightlog(write_flightlog(log, Path(folder) / "log.csv"), vehicle)
+    return [as_read(log, heavy) for log, _ in fly_cases(cases, heavy, 11, ACTS)]
 
 
 def of_another_dive(channels, episodes, sensors="mocap"):

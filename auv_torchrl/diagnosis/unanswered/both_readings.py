@@ -103,11 +103,15 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
             return _beside(rest, logged, silent)
         if suspect.contradicts and not given.is_guess:
             contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
-    return _beside_the_false_one(contradict, logged, found, once)
+    return _beside_the_false_one(contradict, logged, found, given, once)
 
 
 def _beside_the_false_one(
-    contradict: Sequence[tuple[float, FlightLog, tuple[Finding, ...]]], logged: Diagnosis, found: Found, once: Once
+    contradict: Sequence[tuple[float, FlightLog, tuple[Finding, ...]]],
+    logged: Diagnosis,
+    found: Found,
+    given: Given,
+    once: Once,
 ) -> Diagnosis:
     """What all others show beside the one of contradicting sensors without which far less is left, if one is so.
 
@@ -118,11 +122,8 @@ def _beside_the_false_one(
     if not ranked or lefts[0] > FAR_LESS * min(lefts[1:]):
         return logged
     _, others, silent = ranked[0]
-    try:
-        rest, seen = once(others, 0.8, 1.0)
-    except FlightLogError:  # too little is left to explain
-        return logged
-    return _beside(rest, logged, silent) if is_explained(seen) else logged
+    rest = _explained(others, True, given, once)
+    return _beside(rest, logged, silent) if rest else logged
 
 
 def follows_otherwise(found: Found) -> bool:
@@ -134,7 +135,7 @@ def follows_otherwise(found: Found) -> bool:
 def _explained(others: FlightLog, may_be_faulty: bool, given: Given, once: Once) -> Diagnosis | None:
     """The diagnosis of all other channels, where that explains them; by a fault of the vehicle only if it may be."""
     try:
-        if not is_explained_in_part(others, given, may_be_faulty):
+        if given.is_guess and not is_explained_in_part(others, given, may_be_faulty):
             return None
         rest, found = once(others, 0.8, 1.0)
     except FlightLogError:  # too little is left to explain
