@@ -23,7 +23,7 @@ from auv_torchrl.diagnosis.identify.search import Found, Progress, search
 from auv_torchrl.diagnosis.localize.unlike import evidence_of_unlike
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats
-from auv_torchrl.diagnosis.thresholds import SIMULATED
+from auv_torchrl.diagnosis.thresholds import FEW_LOST, SIMULATED
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
@@ -99,7 +99,7 @@ def search_along(problem: Problem, found: Found, report: Progress) -> Found:
     follow, as one whose plugs are exchanged tumbles, may be followed then.
     """
     best = replace(found.best.explanation, nuisance={})
-    is_another = problem.given.errors.coloured or not problem.followed.all()
+    is_another = problem.given.errors.coloured or (~problem.followed).mean() > FEW_LOST
     if not is_another or not best.effects or found.excess < problem.settings.excess:
         return found
     hints = _each_once([found.best, *found.fits])[:SIMULATED]

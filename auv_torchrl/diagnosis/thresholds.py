@@ -84,7 +84,7 @@ SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which
 FOLLOWED = 1.15  # misfit of a window that a free force follows
 LOST = 1.6  # misfit of one that it does not
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
-FEW_LOST = 0.1  # share of diverged windows below which each is an accident
+FEW_LOST = 0.1  # share of lost or diverged windows below which each is an accident
 OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,
 MANY_OUTLIERS = 0.2  # if less than this share of a window is so: else it is the window that was not followed
 DIVERGED = 1e5  # chi-square of a window in which the vehicle flies off
@@ -163,7 +163,7 @@ FAR_BEHIND = 2.0  # times the least chi-square of a search: a fit that is beyond
 CONTENDS = 100.0  # log evidence that a fit that leaves nothing may still be away from its best
 FITTED_ON = 3  # times at most, of rivals, while each gains ...
 STILL_GAINS = 1.0  # ... this log evidence, times the chi-square per number that it leaves
-HOPELESS = 60.0  # log evidence against "no gap" beyond which it is not fitted where it leaves much
+HOPELESS = 0.5  # of what no effect leaves: one effect that leaves less makes it needless to fit no effect
 # Most of the work is to look for effects, and two minutes of flight show which ones act. Logs of the recommended two to
 # three minutes have up to 90 windows, and all of these are searched. Of more than MANY_WINDOWS, some that are spread
 # evenly over the log are searched, and what is found there is fitted to all.

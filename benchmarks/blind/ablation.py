@@ -29,7 +29,7 @@ APART = 0.5  # half widths of its interval, by which a value has moved
 # What switches a part off: it is never begun, or nothing is ever beyond it.
 OFF: dict[str, Any] = {
     "BENT": 0.0, "CLOSES": 0.0, "CONTENDS": 0.0, "FEW_LOST": 0.0, "FITTED_ON": 0, "FLICKERS": 0.0,
-    "HEIRS": 0, "HOPELESS": math.inf, "HUBER": math.inf, "LEAST_NOISE": 0.0, "LOST_START": math.inf,
+    "HEIRS": 0, "HOPELESS": 0.0, "HUBER": math.inf, "LEAST_NOISE": 0.0, "LOST_START": math.inf,
     "MANY_OUTLIERS": 0.0, "MANY_WINDOWS": math.inf, "MINOR": 0.0, "MODEL_ERROR": 0.0, "MOSTLY_LOST": 1.0, "NEAR": 0.0,
     "NOISE_MATTERS": math.inf, "NOTHING_TO_MAP": 0.0, "ONSET_CLEAR": math.inf, "RELINEARISED": 0,
     "SEEN_AT_ALL": 0.0, "SETTLING": 1, "SMALL_SWING": 0.0, "STANDS_IN": 1.0, "STILL_GAINS": math.inf, "TELLS": 0.0,

@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.calibrate.correction import (
     simulate_steps,
     window_s,
 )
-from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit, thin_out, used_channels
+from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit, used_channels
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty, read_uncertainty, shared_covariance
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
@@ -113,7 +113,7 @@ def test_their_intervals_hold_the_truth(calibrated):
 
 def test_what_all_windows_gain_is_no_luck_beside_a_window_with_large_errors(flown):
     """Each window is predicted three times as well, and one has twenty times the error of the others."""
-    windows = thin_out(cut_windows(flown, 3.0, SETTINGS.lead_s), 6)
+    windows = cut_windows(flown, 3.0, SETTINGS.lead_s).thinned(6)
     size = np.array([1.0, 1.2, 0.9, 20.0, 1.1, 0.8])[:, None, None]
     noise = np.random.default_rng(0).standard_normal((*windows.present.shape, len(used_channels(windows))))
     before = 3.0 * size * noise

@@ -15,7 +15,7 @@ import numpy as np
 from auv_torchrl.diagnosis.axes import hold_attitude, is_hidden
 from auv_torchrl.diagnosis.calibrate.correction import PredictionGain, correct_file, measure_own_floor
 from auv_torchrl.diagnosis.calibrate.flights import PASSES, FlightsFit, fit_flights, sizes_by_axis
-from auv_torchrl.diagnosis.calibrate.output_error import fit_coefficients, simulate_errors, thin_out
+from auv_torchrl.diagnosis.calibrate.output_error import fit_coefficients, simulate_errors
 from auv_torchrl.diagnosis.calibrate.parameters import (
     Coefficient,
     NuisanceParameters,
@@ -42,7 +42,7 @@ from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.quantities import counted, percent, words
 from auv_torchrl.vehicle import Vehicle
 
-MOST_WINDOWS = 120  # four minutes: what more windows tell is fitted later, with their disturbance
+DRAFTED_WINDOWS = 60  # two minutes, to come near: what more of them tell is fitted flight by flight
 FITS = 8  # of the coefficients of a file that is a guess, at most, ...
 STILL_FALLS = 2.0  # ... while each lowers chi-square by this: what no flight tells then follows the prior
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
@@ -75,11 +75,12 @@ def draft(
         coefficients: what is uncertain in the file; empty for what the effects declare.
     """
     log = join(healthy)
-    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    whole = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+    windows, flights = whole.thinned(DRAFTED_WINDOWS), split_by_flight(healthy, whole)
     problem, path = follow_windows(Problem.of(windows, vehicle, settings))
     nuisance = state_nuisance(vehicle, settings, windows.channels)
     problem, fit = _fit_nuisance(problem, nuisance, path, 1)
-    flights, estimate = split_by_flight(healthy, windows), VehicleEstimate.from_file(vehicle, nuisance)
+    estimate = VehicleEstimate.from_file(vehicle, nuisance)
     floor = np.array(settings.floor_force)
     prior = HealthyPrior(floor, problem.sigma, problem.rough_noise, (), estimate.covariance)
     given, file_excess = (vehicle, tuple(coefficients)), fit.excess
@@ -115,7 +116,7 @@ def approach(windows: Windows, file: Vehicle, nuisance: NuisanceParameters) -> V
         nuisance: the uncertain numbers of the file.
     """
     coefficients = make_coefficients(nuisance.entries, file)
-    fitted = fit_coefficients(thin_out(windows, MOST_WINDOWS), file, coefficients)
+    fitted = fit_coefficients(windows, file, coefficients)
     before = np.array([c.nominal for c in coefficients])
     near = VehicleEstimate.from_file(file, nuisance).updated(fitted.values - before, fitted.covariance)
     # Guesses are wrong by factors: a drag of 2 that is guessed within 1 and turns out to be 10 was guessed within 5.

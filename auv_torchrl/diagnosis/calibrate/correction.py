@@ -23,7 +23,6 @@ from auv_torchrl.diagnosis.calibrate.output_error import (
     measure_scale,
     pseudo_huber,
     simulate_errors,
-    thin_out,
 )
 from auv_torchrl.diagnosis.calibrate.parameters import Coefficient, VehicleEstimate
 from auv_torchrl.diagnosis.calibrate.standing_out import Outlier, standing_out
@@ -107,7 +106,7 @@ def correct_file(
             f"the vehicle's file is a guess, but the log is too short to correct it ({counted(len(windows), 'window')})"
         )
         return Correction(vehicle, findings=(Finding(Severity.WARNING, "too_short_to_calibrate", sentence),))
-    windows = thin_out(windows, MOST_WINDOWS)
+    windows = windows.thinned(MOST_WINDOWS)
     whole = fit_coefficients(windows, held, coefficients)
     gain = _cross_validate(windows, held, coefficients, whole)
     if not gain.is_worth_it:

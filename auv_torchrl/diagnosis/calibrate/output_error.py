@@ -49,13 +49,6 @@ class CoefficientFit:
     scale: Floats  # (C,) robust standard deviation of the errors, by channel that is used
 
 
-def thin_out(windows: Windows, most: int) -> Windows:
-    """At most so many of the windows, evenly spread over them."""
-    if len(windows) <= most:
-        return windows
-    return windows.subset(np.linspace(0, len(windows) - 1, most).astype(int))
-
-
 def used_channels(windows: Windows) -> np.ndarray:
     """Columns of the channels to fit: velocities, and poses whose velocity is not measured."""
     here = set(windows.channels)

@@ -60,8 +60,9 @@ class Neighbourhood:
 
     @property
     def doubt(self) -> float:
-        """Log evidence that a linear prediction may be too low by: more where the best fit leaves much."""
-        return DOUBTED + DOUBTED_SHARE * max(0.0, self.best.chi2 - self.best.quadratic.numbers) / 2
+        """Log evidence that a linear prediction may be too low by: more where much is left where it is made."""
+        left = self.best.chi2 if self.best.explanation.effects else min(self.best.chi2, self.field.constant)
+        return DOUBTED + DOUBTED_SHARE * max(0.0, left - self.best.quadratic.numbers) / 2
 
     def larger(self) -> list[Proposal[Neighbour]]:
         """With one effect, or one value of an effect, more: as promised about the best fit and the measured motion."""
@@ -167,14 +168,14 @@ class Neighbourhood:
         return self._proposal(Neighbour(explanation, self.best.path), gain, misfit, how)
 
     def exchanged(self) -> list[Proposal[Neighbour]]:
-        """With the likeliest other effect in place of one of several."""
+        """With the likeliest other effect, or other values of those that stay, in place of one of several."""
         effects, found = self.best.explanation.effects, []
         for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
             for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
                 what, added = Neighbour(one.explanation, self.best.path), set(one.explanation.effects) - set(effects)
-                if not added:
+                if effect in one.explanation.effects:
                     continue
-                how = f"with {_words(added)} in place of {_words([effect])}"
+                how = f"with {_words(added) or 'more values of what is there'} in place of {_words([effect])}"
                 proposal = self._proposal(what, one.evidence - self.best.evidence, self._misfit(one), how)
                 if not self.is_known(proposal):
                     likely = promise(proposal) > self.here - self.doubt

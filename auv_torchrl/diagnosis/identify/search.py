@@ -178,8 +178,10 @@ class _EffectSearch(Search[Neighbour, Fit]):
         ranked = sorted(alone, key=self.posterior, reverse=True)
         each = {one.explanation.effects: one for one in reversed(ranked)}  # the likeliest fit of each effect
         here = self.posterior(best)
+        least = here - self._around(best, here).doubt
         pairs = [self._around(one, here).along()[:1] for one in ranked[1:] if one is each[one.explanation.effects]]
-        fitted = [(self.fit(pair, best), pair.promised.proposed) for pair, *_ in filter(None, pairs)]
+        likely = [pair for pair, *_ in filter(None, pairs) if promise(pair) > least]
+        fitted = [(self.fit(pair, best), pair.promised.proposed) for pair in likely]
         winner = max((one for one, _ in fitted if not self.is_small(one)), key=self.posterior, default=best)
         is_better = self.posterior(winner) > here
         for one, proposed in fitted:
@@ -236,10 +238,10 @@ class _EffectSearch(Search[Neighbour, Fit]):
         return fitted if anew is self._problem else self._under_other_noise(anew, best, fitted)
 
     def _without_effects(self) -> Fit:
-        """No effect; where an effect promises far more, the nuisance parameters need not be fitted."""
+        """No effect; where an effect promises to leave less than half, the nuisance parameters need not be fitted."""
         problem, none, numbers = self._problem, self._field.none(), self._field.quadratic.numbers
-        first = max((one.evidence for one in self._field.families()), default=-np.inf)
-        hopeless = none.evidence < first - HOPELESS and none.chi2 > NEAR * numbers
+        first = min((one.chi2 for one in self._field.families()), default=np.inf)
+        hopeless = first < HOPELESS * none.chi2 and none.chi2 > NEAR * numbers
         fitted = fit_by_simulation(problem, Explanation(), self._follow, rounds=0 if hopeless else 4)
         return fitted if hopeless else rescued(problem, fitted, self._follow)
 

@@ -116,6 +116,10 @@ class Windows:
         names += [] if self.whitening is None else ["whitening"]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
+    def thinned(self, most: int) -> "Windows":
+        """At most so many of the windows, evenly spread over them."""
+        return self if len(self) <= most else self.subset(np.linspace(0, len(self) - 1, most).astype(int))
+
     def split(self, steps: int) -> "Windows":
         """Each window as ``S / steps`` shorter ones, in order; ``steps`` divides ``S``."""
         parts = self.steps // steps

@@ -10,6 +10,7 @@ of the vehicle as it should be: faults hide the thrust as well, but no other cha
 as a whole, if exchanged plugs bring the thrust back.
 """
 
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,7 @@ from auv_torchrl.physics import prepare
 from auv_torchrl.sensors import FELT, MOTION
 from auv_torchrl.vehicle import Vehicle
 
+TELLING = 40  # windows, 80 s: they tell about how much all others leave
 LEAST = 1e-9  # of a sum of squares: a vehicle that no disturbance moves leaves none
 SURE = 5.0  # log odds from a moment on, beside which all other channels must fit
 SOURCES = (0, 1), (2,), (3, 4), (5,)  # degrees of freedom that one sensor measures
@@ -136,16 +138,16 @@ class Left:
 def left_by(log: FlightLog, problem: Problem, settings: Settings) -> Left:
     """What a log leaves; all of it, where it is too short to say so."""
     try:
-        own, follow = follow_windows(_cut(log, problem, settings))
+        own, follow = follow_windows(_cut(log, problem, settings, TELLING))
     except FlightLogError:
         return Left(np.inf, is_nothing=False)
     fit = fit_by_simulation(own, Explanation(), follow)
     return Left(fit.excess, nuisance_does(own, fit))
 
 
-def _cut(log: FlightLog, problem: Problem, settings: Settings) -> Problem:
-    """The problem of another log of the same vehicle."""
-    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
+def _cut(log: FlightLog, problem: Problem, settings: Settings, most: int = sys.maxsize) -> Problem:
+    """The problem of another log of the same vehicle, of so many windows of it at most."""
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s).thinned(most)
     return Problem.of(windows, problem.vehicle, settings, problem.known)
 
 
