@@ -186,6 +186,20 @@ def test_windows_that_were_lost_are_followed_again_under_what_was_found():
     assert search_along(few, begun, lambda step, share: None) is begun
 
 
+def test_a_plug_takes_the_place_of_two_gains_that_do_the_same():
+    """A thruster that turns the wrong way pushes less hard: beside exchanged plugs that is one plug more, not gains."""
+    truth = {"thruster_swap": {"command_1": 2.0, "command_2": 1.0, "command_3": -3.0}}
+    vehicle = hold(HEAVY)
+    flown = fly(vehicle, truth, seed=2, episodes=2, seconds=20.0)
+    problem, follow = follow_windows(
+        Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+    )
+    swapped = (Term("thruster_swap", (f"command_{i}",), float(j), True) for i, j in ((1, 2), (2, 1)))
+    gains = Term("thruster_gain", ("gain_3",), -1.0), Term("forward_gain", ("gain_3",), 0.8)
+    begun = search(problem, follow, lambda step, share: None, [Explanation((*swapped, *gains))])
+    assert begun.best.explanation.values(vehicle, nuisance=False) == truth
+
+
 def test_a_vehicle_whose_plugs_are_exchanged_follows_its_commands():
     """Other thrusters do what is commanded; of poses that another flight had, no plugs make anything."""
     vehicle = hold(PAPER)

@@ -168,20 +168,36 @@ class Neighbourhood:
         return self._proposal(Neighbour(explanation, self.best.path), gain, misfit, how)
 
     def exchanged(self) -> list[Proposal[Neighbour]]:
-        """With the likeliest other effect, or other values of those that stay, in place of one of several."""
+        """With the likeliest other effect in place of one of several, or with plugs in place of what thrusters do."""
         effects, found = self.best.explanation.effects, []
         for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
             for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
                 what, added = Neighbour(one.explanation, self.best.path), set(one.explanation.effects) - set(effects)
-                if effect in one.explanation.effects:
+                if not added:
                     continue
-                how = f"with {_words(added) or 'more values of what is there'} in place of {_words([effect])}"
+                how = f"with {_words(added)} in place of {_words([effect])}"
                 proposal = self._proposal(what, one.evidence - self.best.evidence, self._misfit(one), how)
                 if not self.is_known(proposal):
                     likely = promise(proposal) > self.here - self.doubt
                     found.append(replace(proposal, simulate=likely))
                 break
-        return found
+        return [*found, *self._replugged()]
+
+    def _replugged(self) -> list[Proposal[Neighbour]]:
+        """With the plugs as they act in place of all that several effects say of single thrusters."""
+        terms, vehicle = self.best.explanation.terms, self.problem.vehicle
+        of_thruster = [declared(t.effect, vehicle).parameters[t.members[0]].over == "thruster" for t in terms]
+        several = len({term.effect for term, its in zip(terms, of_thruster, strict=True) if its}) > 1
+        if not several or leaves_much(self.problem, self.best):
+            return []
+        rest = Explanation(tuple(term for term, its in zip(terms, of_thruster, strict=True) if not its))
+        one = propose_routing(self.problem, self.best.path, rest)
+        if one is None:
+            return []
+        what = Neighbour(one.explanation, self.best.path)
+        how = "with the plugs as they act in place of what is said of single thrusters"
+        proposal = self._proposal(what, one.evidence - self.best.evidence, self._misfit(one), how)
+        return [proposal] if not self.is_known(proposal) and promise(proposal) > self.here - self.doubt else []
 
     def _misfit(self, promised: Screened) -> float:
         """Chi-square per number in the windows that are followed; 0 where no force makes the vehicle follow any."""
