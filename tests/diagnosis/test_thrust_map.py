@@ -4,9 +4,10 @@ import pytest
 from test_moments import HEAVY, SETTINGS, flown
 
 from auv_torchrl.diagnosis import Verdict, diagnose
+from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.localize.unlike import unlike_thruster
+from auv_torchrl.diagnosis.localize.unlike import measure_map, unlike_thruster
 from auv_torchrl.diagnosis.localize.wording import map_in_words, seen_to_do
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.wording import to_do
@@ -35,6 +36,21 @@ def test_what_a_thruster_does_at_each_command_is_said_from_its_map(act, said):
     found = unlike(act)
     assert found is not None and found.thrust_map is not None and found.intermittence is None
     assert map_in_words(found.thrust_map).replace("\u202f", " ") == said
+
+
+@pytest.mark.parametrize(
+    "term", [Term("thruster_gain", ("gain_8",), 0.1), Term("thrust_limit", ("limit_8",), 0.0)], ids=lambda t: t.effect
+)
+def test_a_map_is_in_shares_of_the_nominal_thrust_whatever_was_found_before(term):
+    """Along the motion of a vehicle whose thruster gives a tenth, or nothing, it is the same map."""
+    windows = cut_windows(flown("stalling", seed=2)[0], SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
+    maps = []
+    for explanation in (Explanation(), Explanation((term,))):
+        mapped = measure_map(*follow_windows(Problem.of(windows, HEAVY, SETTINGS), explanation), 8)
+        assert mapped is not None
+        maps.append([(one.share, one.most - one.share) for one in mapped.measured.slices])
+    for (share, half), (other, _) in zip(*maps, strict=True):
+        assert other == pytest.approx(share, abs=0.1 + half)
 
 
 @pytest.mark.parametrize("act", ["comes_and_goes", pytest.param("wandering", marks=pytest.mark.thorough)])

@@ -28,7 +28,6 @@ from auv_torchrl.vehicle import DEGREES_OF_FREEDOM, Vehicle
 
 ROUNDS = 30  # of both fixed points, at most
 STATED_FLIGHTS = 2.0  # flights that the stated spread counts for, against those of the logs
-NEAR_WINDOWS = 30  # a minute of each flight leads near; the last pass is over all of them
 PASSES = 4  # coefficients and floor in turn; the last pass is under the floor that the pass before has shown
 STANDS = 0.5  # standard deviations: a vehicle whose coefficients all moved by less needs no further pass
 FlightFit = tuple[Problem, Fit]
@@ -237,8 +236,7 @@ def fit_flights(
     prior = fitted_under = replace(prior, shrinks=None)  # of a vehicle with other numbers
     for turn in range(passes):
         prior = replace(prior, nuisance=estimate.nuisance.entries, nuisance_covariance=estimate.covariance)
-        some = flights if is_last or turn == passes - 1 else [own.thinned(NEAR_WINDOWS) for own in flights]
-        now = tuple(fit_flight(own, estimate.vehicle, settings, prior) for own in some)
+        now = tuple(fit_flight(own, estimate.vehicle, settings, prior) for own in flights)
         own_misfits = tuple((fit.chi2, fit.quadratic.numbers) for _, fit in now)
         first_excess = first_excess if turn else _per_number(own_misfits)
         if not misfits or not is_last and _per_number(own_misfits) < _per_number(misfits):

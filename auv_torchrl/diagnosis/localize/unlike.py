@@ -5,7 +5,8 @@ each other; effects that stand in for such a thruster would blame others beside 
 
 A map is measured along the motion: the thrust is cut into slices by the size of its command, each way by itself. Each
 slice is there by a share of its own, 1 where the thruster gives what it should, and besides the thruster may push at
-rest. The shares have a normal prior about 1, and are integrated out as the moments of a thruster are.
+rest. The shares have a normal prior about what the explanation has of the thruster, which gives all of it, a part or
+nothing, and are integrated out as the moments of a thruster are.
 """
 
 from collections.abc import Iterator
@@ -13,18 +14,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_torchrl.diagnosis.identify.hypotheses import Settings
+from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, batch, declared
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.localize.attribute import on_grid, quadratics
 from auv_torchrl.diagnosis.localize.moments import Moments, changing_thruster
+from auv_torchrl.diagnosis.motion.actuation import coefficients
 from auv_torchrl.diagnosis.motion.force import MeasuredMotion
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import CLOSES, Z95
 from auv_torchrl.diagnosis.verdict import Intermittence, Slice, ThrustMap
-from auv_torchrl.physics import ActiveTerms
+from auv_torchrl.physics import ActiveTerms, Coefficients
 from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.sysid.trace import Outcome
 
@@ -50,7 +53,8 @@ def measure_map(problem: Problem, path: WindowPath, thruster: int) -> Mapped | N
         return None
     commands = on_grid(problem.windows, problem.windows.commands)[problem.followed][..., own]
     edges = sorted({_slice_of(command) for command in np.unique(np.round(commands, 3)).tolist() if command})
-    forces = np.stack([*_of_slices(path, own, edges), _at_rest(path, own)], axis=1)
+    sound = coefficients(batch(problem.vehicle, [_values_beside(problem, path.explanation, thruster)]))
+    forces = np.stack([*_of_slices(path, sound, own, edges), _at_rest(path, sound, own)], axis=1)
     (q,) = quadratics(problem, path, forces, [problem.followed])
     spread = np.array([SPREAD] * len(edges) + [AT_REST])
     inverse = np.linalg.inv(q.A + np.diag(spread**-2.0))
@@ -59,10 +63,11 @@ def measure_map(problem: Problem, path: WindowPath, thruster: int) -> Mapped | N
     closed = float(q.b @ amount)
     excess = (q.constant - closed) / max(q.numbers, 1)
     half = Z95 * np.sqrt(max(1.0, excess) * np.diag(inverse))  # what no map explains makes it as unsure
-    now = float(path.vehicle.gain[0, own] / problem.vehicle.gain[..., own])
+    there = zip(_of_slices(path, path.coefficients, own, edges), np.moveaxis(forces, 1, 0), strict=False)
+    now = [float((its * whole).sum() / (whole**2).sum()) for its, whole in there]
     slices = (
-        Slice(low, high, now + a, now + a - h, now + a + h)
-        for (low, high), a, h in zip(edges, amount.tolist(), half.tolist(), strict=False)
+        Slice(low, high, n + a, n + a - h, n + a + h)
+        for (low, high), n, a, h in zip(edges, now, amount.tolist(), half.tolist(), strict=False)
     )
     push, band = float(amount[-1]), float(half[-1])
     measured = ThrustMap(thruster, tuple(slices), push, push - band, push + band)
@@ -76,8 +81,22 @@ def _slice_of(command: float) -> tuple[float, float]:
     return min(near, far), max(near, far)
 
 
-def _of_slices(path: WindowPath, own: int, edges: list[tuple[float, float]]) -> Iterator[Floats]:
-    """Forces (W, S, 6) that the thruster makes by its commands within each pair of edges."""
+def _values_beside(problem: Problem, explanation: Explanation, thruster: int) -> Values:
+    """The values of an explanation, but for those of one thruster: it gives what it should."""
+    values = explanation.values(problem.vehicle)
+    known = {effect: declared(effect, problem.vehicle).parameters for effect in values}
+    return {
+        effect: {
+            member: value
+            for member, value in row.items()
+            if known[effect][member].over != "thruster" or int(member.rsplit("_", 1)[1]) != thruster
+        }
+        for effect, row in values.items()
+    }
+
+
+def _of_slices(path: WindowPath, c: Coefficients, own: int, edges: list[tuple[float, float]]) -> Iterator[Floats]:
+    """Forces (W, S, 6) that a thruster of a vehicle (1,) makes by its commands within each pair of edges."""
     windows, whole = path.windows, path.windows.held[..., own]
 
     def course(kept: np.ndarray) -> MeasuredMotion:
@@ -85,19 +104,18 @@ def _of_slices(path: WindowPath, own: int, edges: list[tuple[float, float]]) -> 
         held[..., own] = np.where(kept, whole, 0.0)
         parts = None if windows.parts is None else held
         masked = replace(windows, commands=held.mean(2), parts=parts)
-        return MeasuredMotion.of(masked, path.coefficients, path.motion)
+        return MeasuredMotion.of(masked, c, path.motion)
 
     nothing = course(np.zeros(whole.shape, bool))
     for low, high in edges:
         size, (near, far) = np.abs(whole), sorted((abs(low), abs(high)))
         within = (np.sign(whole) == np.sign(low + high)) & (size >= near) & ((size < far) | (far >= 1.0))
         shown = course(within)
-        yield replace(nothing, windows=shown.windows).forces(path.coefficients)[:, 0]
+        yield replace(nothing, windows=shown.windows).forces(c)[:, 0]
 
 
-def _at_rest(path: WindowPath, own: int) -> Floats:
-    """Force (W, S, 6) of the full thrust of the thruster, all the time."""
-    c = path.coefficients
+def _at_rest(path: WindowPath, c: Coefficients, own: int) -> Floats:
+    """Force (W, S, 6) of the full thrust of a thruster of a vehicle (1,), all the time."""
     push = wrench_per_share(c, ActiveTerms.of(c))[0, :, own]
     return np.broadcast_to(push, (len(path.windows), path.windows.steps, 6))
 
