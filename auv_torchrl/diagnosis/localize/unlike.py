@@ -64,7 +64,7 @@ def measure_map(problem: Problem, path: WindowPath, thruster: int) -> Mapped | N
     excess = (q.constant - closed) / max(q.numbers, 1)
     half = Z95 * np.sqrt(max(1.0, excess) * np.diag(inverse))  # what no map explains makes it as unsure
     there = zip(_of_slices(path, path.coefficients, own, edges), np.moveaxis(forces, 1, 0), strict=False)
-    now = [float((its * whole).sum() / (whole**2).sum()) for its, whole in there]
+    now = [_share(its[problem.followed], whole[problem.followed]) for its, whole in there]
     slices = (
         Slice(low, high, n + a, n + a - h, n + a + h)
         for (low, high), n, a, h in zip(edges, now, amount.tolist(), half.tolist(), strict=False)
@@ -72,6 +72,12 @@ def measure_map(problem: Problem, path: WindowPath, thruster: int) -> Mapped | N
     push, band = float(amount[-1]), float(half[-1])
     measured = ThrustMap(thruster, tuple(slices), push, push - band, push + band)
     return Mapped(measured, 0.5 * (closed - volume - q.constant), excess)
+
+
+def _share(its: Floats, whole: Floats) -> float:
+    """How much of one force another one is; all of it where there is none, as within a dead band."""
+    square = float((whole**2).sum())
+    return float((its * whole).sum()) / square if square else 1.0
 
 
 def _slice_of(command: float) -> tuple[float, float]:
