@@ -79,7 +79,7 @@ class Neighbourhood:
         ranked = sorted(promised.values(), key=promise, reverse=True)
         least = max(self.here, self.unknown) - self.doubt
         likely = [one for one in ranked if promise(one) > least]
-        if leaves_much(problem, self.best) and len(likely) > SIMULATED:
+        if leaves_much(problem, self.best):
             likely = [*self._fitted_along(likely[:FITTED_ALONG]), *likely[FITTED_ALONG:]]
         chosen = [one.what.key for one in likely[:SIMULATED]]
         rest = [self._left_out(one) for one in ranked if one.what.key not in chosen]
