@@ -1,9 +1,10 @@
 """The healthy vehicle: coefficients, disturbance, and how flights differ, before a fault is looked for.
 
 A first fit treats all flights as one. Where the file is right within the settings' widths, each flight is then fitted
-within these widths, and that is all. Otherwise :func:`draft` says which coefficients the file has wrong, on some of the
-windows: enough to see that they are few, as after a fault. :func:`calibrate_draft` then fits each flight by itself.
-Where flights leave more than any coefficients explain, the vehicle that predicts them best is taken instead.
+within these widths, and that is all. Otherwise :func:`draft` says which coefficients the file has wrong, in a third of
+the time of the whole calibration: enough to see that they are few, as after a fault. :func:`calibrate_draft` then fits
+each flight by itself. Where flights leave more than any coefficients explain, the vehicle that predicts them best is
+taken instead.
 """
 
 from collections.abc import Sequence
@@ -41,7 +42,7 @@ from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.quantities import counted, percent, words
 from auv_torchrl.vehicle import Vehicle
 
-DRAFTED_WINDOWS = 60  # two minutes, to come near: what more of them tell is fitted flight by flight
+MOST_WINDOWS = 120  # four minutes: what more windows tell is fitted later, with their disturbance
 FITS = 8  # of the coefficients of a file that is a guess, at most, ...
 STILL_FALLS = 2.0  # ... while each lowers chi-square by this: what no flight tells then follows the prior
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
@@ -74,12 +75,11 @@ def draft(
         coefficients: what is uncertain in the file; empty for what the effects declare.
     """
     log = join(healthy)
-    whole = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
-    windows, flights = whole.thinned(DRAFTED_WINDOWS), split_by_flight(healthy, whole)
+    windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     problem, path = follow_windows(Problem.of(windows, vehicle, settings))
     nuisance = state_nuisance(vehicle, settings, windows.channels)
     problem, fit = _fit_nuisance(problem, nuisance, path, 1)
-    estimate = VehicleEstimate.from_file(vehicle, nuisance)
+    flights, estimate = split_by_flight(healthy, windows), VehicleEstimate.from_file(vehicle, nuisance)
     floor = np.array(settings.floor_force)
     prior = HealthyPrior(floor, problem.sigma, problem.rough_noise, (), estimate.covariance)
     given, file_excess = (vehicle, tuple(coefficients)), fit.excess
@@ -115,7 +115,7 @@ def approach(windows: Windows, file: Vehicle, nuisance: NuisanceParameters) -> V
         nuisance: the uncertain numbers of the file.
     """
     coefficients = make_coefficients(nuisance.entries, file)
-    fitted = fit_coefficients(windows, file, coefficients)
+    fitted = fit_coefficients(windows.thinned(MOST_WINDOWS), file, coefficients)
     before = np.array([c.nominal for c in coefficients])
     near = VehicleEstimate.from_file(file, nuisance).updated(fitted.values - before, fitted.covariance)
     # Guesses are wrong by factors: a drag of 2 that is guessed within 1 and turns out to be 10 was guessed within 5.
