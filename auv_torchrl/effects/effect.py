@@ -184,7 +184,7 @@ class Effect:
         values: dict[str, float] = {}
         for name, value in given.items():
             if name not in declared:
-                problem = PartAbsent if self._of_thruster(name) else ValueError
+                problem = PartAbsent if self.thruster_of(name) is not None else ValueError
                 raise problem(f"effect {self.name}: no parameter {name!r}: {choices([name], declared)}")
             p = declared[name]
             if isinstance(value, bool) or not isinstance(value, int | float) or not p.low <= value <= p.high:
@@ -193,10 +193,11 @@ class Effect:
             values[name] = float(value)
         return values
 
-    def _of_thruster(self, name: str) -> bool:
-        """Whether a parameter would be that of a thruster, if there were one of its number."""
+    def thruster_of(self, name: str) -> int | None:
+        """The number, from 1, of the thruster that a parameter is of, whether there is such a thruster or not."""
         family, _, number = name.rpartition("_")
-        return number.isdigit() and any(p.name == family and p.over == "thruster" for p in self.parameters)
+        is_one = number.isdecimal() and any(p.name == family and p.over == "thruster" for p in self.parameters)
+        return int(number) if is_one else None
 
     def apply(self, vehicle: Vehicle, values: Values) -> Vehicle:
         """The changed vehicle; parameters that are not given stay nominal, batches broadcast.

@@ -164,12 +164,12 @@ def test_a_permutation_costs_its_plugs():
     )
 
 
-def searched(flown, vehicle):
-    """The problem of a flight, and what a search for effects found."""
+def searched(flown, vehicle, begin=()):
+    """The problem of a flight, and what a search for effects found that begins with some explanations."""
     problem, follow = follow_windows(
         Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
     )
-    return problem, search(problem, follow, lambda step, share: None)
+    return problem, search(problem, follow, lambda step, share: None, begin)
 
 
 def test_windows_that_were_lost_are_followed_again_under_what_was_found():
@@ -191,13 +191,10 @@ def test_a_plug_takes_the_place_of_two_gains_that_do_the_same():
     truth = {"thruster_swap": {"command_1": 2.0, "command_2": 1.0, "command_3": -3.0}}
     vehicle = hold(HEAVY)
     flown = fly(vehicle, truth, seed=2, episodes=2, seconds=20.0)
-    problem, follow = follow_windows(
-        Problem.of(cut_windows(flown, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
-    )
     swapped = (Term("thruster_swap", (f"command_{i}",), float(j), True) for i, j in ((1, 2), (2, 1)))
     gains = Term("thruster_gain", ("gain_3",), -1.0), Term("forward_gain", ("gain_3",), 0.8)
-    begun = search(problem, follow, lambda step, share: None, [Explanation((*swapped, *gains))])
-    assert begun.best.explanation.values(vehicle, nuisance=False) == truth
+    _, found = searched(flown, vehicle, [Explanation((*swapped, *gains))])
+    assert found.best.explanation.values(vehicle, nuisance=False) == truth
 
 
 def test_a_vehicle_whose_plugs_are_exchanged_follows_its_commands():

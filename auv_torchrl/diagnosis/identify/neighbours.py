@@ -1,7 +1,7 @@
 """Neighbours of an explanation: which there are, and what the reduced quadratic promises of each.
 
-A neighbour has one effect, or some values of an effect, more; some values or an effect less; or another effect in place
-of one.
+A neighbour has one effect, or some values of an effect, more; some values or an effect less; another effect in place of
+one; or plugs in place of several effects of single thrusters.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -25,6 +25,7 @@ from auv_torchrl.diagnosis.thresholds import (
     SIMULATED,
     WORTH_AN_EFFECT,
 )
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.quantities import counted
 from auv_torchrl.sysid.search import Proposal
 from auv_torchrl.sysid.trace import Outcome, Record
@@ -168,7 +169,7 @@ class Neighbourhood:
         return self._proposal(Neighbour(explanation, self.best.path), gain, misfit, how)
 
     def exchanged(self) -> list[Proposal[Neighbour]]:
-        """With the likeliest other effect in place of one of several, or with plugs in place of what thrusters do."""
+        """With the likeliest other effect in place of one of several, or with plugs in place of several."""
         effects, found = self.best.explanation.effects, []
         for effect in effects if len(effects) > 1 and not leaves_much(self.problem, self.best) else ():
             for one in Field.of(self.problem, self.best.path, self.best.explanation.without(effect)).families():
@@ -185,12 +186,11 @@ class Neighbourhood:
 
     def _replugged(self) -> list[Proposal[Neighbour]]:
         """With the plugs as they act in place of all that several effects say of single thrusters."""
-        terms, vehicle = self.best.explanation.terms, self.problem.vehicle
-        of_thruster = [declared(t.effect, vehicle).parameters[t.members[0]].over == "thruster" for t in terms]
-        several = len({term.effect for term, its in zip(terms, of_thruster, strict=True) if its}) > 1
-        if not several or leaves_much(self.problem, self.best):
+        terms = self.best.explanation.terms
+        of_thrusters = [term for term in terms if EFFECTS[term.effect].thruster_of(term.members[0])]
+        if len({term.effect for term in of_thrusters}) < 2 or leaves_much(self.problem, self.best):
             return []
-        rest = Explanation(tuple(term for term, its in zip(terms, of_thruster, strict=True) if not its))
+        rest = Explanation(tuple(term for term in terms if term not in of_thrusters))
         one = propose_routing(self.problem, self.best.path, rest)
         if one is None:
             return []

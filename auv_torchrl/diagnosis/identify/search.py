@@ -240,8 +240,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
     def _without_effects(self) -> Fit:
         """No effect; where an effect promises to leave less than half, the nuisance parameters need not be fitted."""
         problem, none, numbers = self._problem, self._field.none(), self._field.quadratic.numbers
-        first = min((one.chi2 for one in self._field.families()), default=np.inf)
-        hopeless = first < HOPELESS * none.chi2 and none.chi2 > NEAR * numbers
+        least = min((one.chi2 for one in self._field.families()), default=np.inf)
+        hopeless = least < HOPELESS * none.chi2 and none.chi2 > NEAR * numbers
         fitted = fit_by_simulation(problem, Explanation(), self._follow, rounds=0 if hopeless else 4)
         return fitted if hopeless else rescued(problem, fitted, self._follow)
 

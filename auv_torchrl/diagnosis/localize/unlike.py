@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, batch, declared
+from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, batch
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found
@@ -27,6 +27,7 @@ from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import CLOSES, Z95
 from auv_torchrl.diagnosis.verdict import Intermittence, Slice, ThrustMap
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.physics import ActiveTerms, Coefficients
 from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.sysid.trace import Outcome
@@ -89,15 +90,9 @@ def _slice_of(command: float) -> tuple[float, float]:
 
 def _values_beside(problem: Problem, explanation: Explanation, thruster: int) -> Values:
     """The values of an explanation, but for those of one thruster: it gives what it should."""
-    values = explanation.values(problem.vehicle)
-    known = {effect: declared(effect, problem.vehicle).parameters for effect in values}
     return {
-        effect: {
-            member: value
-            for member, value in row.items()
-            if known[effect][member].over != "thruster" or int(member.rsplit("_", 1)[1]) != thruster
-        }
-        for effect, row in values.items()
+        effect: {member: value for member, value in row.items() if EFFECTS[effect].thruster_of(member) != thruster}
+        for effect, row in explanation.values(problem.vehicle).items()
     }
 
 
