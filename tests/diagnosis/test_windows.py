@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from auv_torchrl.diagnosis.motion.actuation import LEAST_STEP, actuate
 from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.motion.rollout import fly
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Episode, FlightLog
-from auv_torchrl.flightlog.log import POSE
+from auv_torchrl.flightlog.log import POSE, VELOCITY
 from auv_torchrl.physics import ActiveTerms, prepare
 from auv_torchrl.physics.kinematics import (
     euler_angles,
@@ -21,6 +22,7 @@ from auv_torchrl.physics.kinematics import (
     rotation_matrix,
 )
 from auv_torchrl.physics.thrusters import thrust_target
+from auv_torchrl.simulator import simulate
 from auv_torchrl.vehicle import load_vehicle, stacked
 
 
@@ -125,6 +127,25 @@ def test_speeds_that_no_vehicle_has_do_not_make_a_rollout_endless(name, decades)
     substeps = actuate(windows, vehicle.expand(1)).substeps
     assert 1 <= substeps <= np.ceil(windows.dt / LEAST_STEP)
     assert decades > 1 or substeps <= 2
+
+
+@pytest.mark.parametrize("name", ["paper", "bluerov2", "bluerov2_heavy", "ardusub_sitl"])
+def test_rollouts_of_the_fastest_turns_are_as_exact_as_a_gyroscope(name):
+    """Where full commands turn a vehicle, much shorter steps change no yaw rate by more than a gyroscope's noise."""
+    vehicle, noise, times = load_vehicle(name), 0.005, 0.05 * np.arange(401)
+    turning = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 20), 20)
+    commands = np.clip(turning[:, None] * vehicle.mixer[:, 5], -1, 1)
+    flown = simulate(vehicle, commands[None], times).states[0]
+    pose = np.concatenate([flown[:, :3], np.stack(euler_angles(flown[:, 3:7]), axis=-1)], axis=1)
+    episode = Episode(0, times, pose, flown[:, 7:], np.concatenate([commands, commands[-1:]]))
+    windows = cut_windows(FlightLog("turns", (episode,), (*POSE, *VELOCITY)), 2.0, 0.5)
+    actuation = actuate(windows, vehicle.expand(1))
+    found, exact = (
+        windows.residual(fly(replace(actuation, substeps=parts * actuation.substeps), windows.guess[:, None])[0])
+        for parts in (1, 8)
+    )
+    assert np.abs(flown[:, 12]).max() > 1.0
+    assert np.abs(found - exact)[..., windows.channels.index("r")].max() < noise
 
 
 @pytest.mark.parametrize("name", EFFECTS)

@@ -42,7 +42,7 @@ from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.quantities import counted, percent, words
 from auv_torchrl.vehicle import Vehicle
 
-MOST_WINDOWS = 120  # four minutes: what more windows tell is fitted later, with their disturbance
+MOST_WINDOWS = 60  # two minutes: what more windows tell is fitted later, with their disturbance
 FITS = 8  # of the coefficients of a file that is a guess, at most, ...
 STILL_FALLS = 2.0  # ... while each lowers chi-square by this: what no flight tells then follows the prior
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others

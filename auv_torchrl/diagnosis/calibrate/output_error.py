@@ -3,13 +3,16 @@
 The fit minimises the output error (Ljung 1999, section 3.2) instead of the innovations of the search. Where a vehicle's
 file is a guess, predictions over seconds count, and the error is the model's, not the sensors'.
 
-Commands of one size leave a bent valley, along which gains of thrusters and the exponent of their curve trade. Heavy
-and light vehicles that answer the same lie in valleys of their own. The descent therefore begins at several places, and
-the end with the largest posterior stands.
+Commands of one size leave a bent valley, along which gains of thrusters and the exponent of their curve trade. Moments
+leave another one, of gains and arms. Straight steps along such a valley leave it soon. Each step is therefore tried
+again, corrected by what the whole step bends (after geodesic acceleration, Transtrum and Sethna 2012). Heavy and light
+vehicles that answer the same lie in valleys of their own. The descent therefore begins at several places, and the end
+with the largest posterior stands.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -31,6 +34,9 @@ SMALLEST = 1e-6  # least scale of a channel, where the prediction is exact
 STEP = 1e-3  # of a coefficient's width, for slopes
 ROUGH_STEP = 0.2  # likewise of a threshold, which switches single samples: enough of them must do so to make a slope
 DAMPING = (1e-6, 1e-3, 3e-2, 1.0)  # tried side by side in every round
+# Of each step, by what it bends. For 50 of 100 vehicles whose files are wrong by 40 %, chi-square ended higher by 1000
+# than it need be without any, for 22 with one, 8 with two, 6 with three, in the same time.
+CORRECTIONS = 3
 ROUNDS = 40
 SETTLED = 0.4  # chi-square by which a round must improve: a smaller fall moves no coefficient by its error
 NEARLY_SETTLED = 2.0  # likewise where only the prediction of unseen windows counts
@@ -116,18 +122,77 @@ def _weigh(windows: Windows, error: Floats, scale: Floats, memory: float) -> Flo
 
 
 @dataclass(frozen=True)
+class _Slopes:
+    """How weighed errors (W, n) change with coefficients (k,) and with the starts of windows; these are eliminated."""
+
+    by_coefficients: Floats  # (k, W, n)
+    by_starts: Floats  # (W, L, n)
+    start_precision: Floats  # (L,)
+
+    @cached_property
+    def cross(self) -> Floats:
+        """Curvature (W, L, k) in starts and coefficients."""
+        return self.by_starts @ self.by_coefficients.transpose(1, 2, 0)
+
+    @cached_property
+    def gram(self) -> Floats:
+        """Curvature (W, L, L) in the start of each window."""
+        return self.by_starts @ self.by_starts.mT + np.diag(self.start_precision)
+
+    @cached_property
+    def response(self) -> Floats:
+        """Change (W, L, k) of the starts with the coefficients, the other way round."""
+        return np.linalg.solve(self.gram, self.cross)
+
+    @cached_property
+    def curvature(self) -> Floats:
+        """Curvature (k, k) in the coefficients alone, as the starts follow them."""
+        flat, k = self.by_coefficients.reshape(len(self.by_coefficients), -1), len(self.by_coefficients)
+        found: Floats = flat @ flat.T - self.cross.reshape(-1, k).T @ self.response.reshape(-1, k)
+        return 0.5 * (found + found.T)
+
+    def eliminate(self, errors: Floats, away: Floats | float = 0.0) -> tuple[Floats, Floats]:
+        """The gradient (k,) that errors (W, n) make, and by how much (W, L) the starts are off for them.
+
+        ``away`` (W, L) is how far the starts are from their guesses.
+        """
+        pull = (self.by_starts @ errors[..., None])[..., 0] + away * self.start_precision
+        offset = np.linalg.solve(self.gram, pull[..., None])[..., 0]
+        k = len(self.by_coefficients)
+        return (
+            self.by_coefficients.reshape(k, -1) @ errors.ravel() - self.cross.reshape(-1, k).T @ offset.ravel(),
+            offset,
+        )
+
+    def along(self, step: "_Step") -> Floats:
+        """The change (W, n) of the errors in a step, as far as slopes tell."""
+        return np.tensordot(step.coefficients, self.by_coefficients, 1) + np.einsum(
+            "wl,wln->wn", step.starts, self.by_starts
+        )
+
+
+@dataclass(frozen=True)
 class _Linearisation:
-    """Errors at coefficients (k,) and starts (W, 12), with their slopes; the starts are eliminated."""
+    """Errors at coefficients (k,) and starts (W, 12), with their slopes."""
 
     at: Floats  # (k,)
     start: Floats  # (W, 12)
     error: Floats  # (W, m, C)
     scale: Floats  # (C,)
     memory: float  # samples
-    curvature: Floats  # (k, k)
+    weighed: Floats  # (W, n) errors
+    slopes: _Slopes
+    curvature: Floats  # (k, k) with the prior
     gradient: Floats  # (k,)
-    response: Floats  # (W, L, k) of the starts to the coefficients
     offset: Floats  # (W, L) by which the starts are off at these coefficients
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A change of coefficients (k,) and of the free numbers of starts (W, L)."""
+
+    coefficients: Floats
+    starts: Floats
 
 
 class Descent:
@@ -181,36 +246,48 @@ class Descent:
         r = _weigh(windows, error, scale, memory)
         slope = (r[1 : 1 + k] - r[0]) / step[:, None, None]
         local = (r[1 + k :] - r[0]) / (STEP * loose)[:, None, None]
-        own, all_slopes = np.moveaxis(local, 0, 1), slope.reshape(k, -1)  # (W, L, n), (k, W n)
-        gram = own @ own.mT + np.diag(loose**-2.0)
-        cross = own @ slope.transpose(1, 2, 0)  # (W, L, k)
-        pull = (own @ r[0][..., None])[..., 0] + (start - windows.guess)[:, entries] / loose**2
-        response, offset = np.linalg.solve(gram, cross), np.linalg.solve(gram, pull[..., None])[..., 0]
-        taken = cross.reshape(-1, k).T
-        curvature = all_slopes @ all_slopes.T - taken @ response.reshape(-1, k)
-        gradient = all_slopes @ r[0].ravel() - taken @ offset.ravel()
+        slopes = _Slopes(slope, np.moveaxis(local, 0, 1), loose**-2.0)
+        gradient, offset = slopes.eliminate(r[0], (start - windows.guess)[:, entries])
         gradient += self.precision @ (at - self.nominal)
-        curvature = 0.5 * (curvature + curvature.T) + self.precision
-        return _Linearisation(at, start, error[0], scale, memory, curvature, gradient, response, offset)
+        curvature = slopes.curvature + self.precision
+        return _Linearisation(at, start, error[0], scale, memory, r[0], slopes, curvature, gradient, offset)
 
     def step(self, here: _Linearisation) -> tuple[Floats, Floats, float]:
         """Coefficients (k,) and starts (W, 12) of the best of several steps, and by how much it lowers the cost."""
-        at, gradient = here.at, here.gradient
-        free = ~(((at <= self.low) & (gradient > 0)) | ((at >= self.high) & (gradient < 0)))
-        room, directions = (self.low - at, self.high - at), np.eye(len(at))[:, free]
-        size = np.diag(np.diag(here.curvature))
-        trials = [
-            at + least_within(here.curvature + damping * size, -gradient, room, directions) for damping in DAMPING
-        ]
-        trials = [np.clip(trial, self.low, self.high) for trial in trials]
-        starts = np.repeat(here.start[:, None], len(trials), axis=1)
-        moves = [here.offset + here.response @ (trial - at) for trial in trials]
-        starts[..., self.entries] -= np.stack(moves, axis=1)
-        error = self._errors(trials, starts)
-        now = self.cost(here.error, at, here.start, here.scale, here.memory)
-        costs = [self.cost(error[i], trial, starts[:, i], here.scale, here.memory) for i, trial in enumerate(trials)]
+        steps = straight = [self._towards(here, damping, here.gradient, here.offset) for damping in DAMPING]
+        tried = ends = self._ends(here, steps)
+        for _ in range(CORRECTIONS):
+            each = zip(DAMPING, straight, steps, ends, strict=True)
+            steps = [self._corrected(here, damping, first, step, end[-1]) for damping, first, step, end in each]
+            ends = self._ends(here, steps)
+            tried = tried + ends
+        costs = [self.cost(error, at, start, here.scale, here.memory) for at, start, error in tried]
         best = int(np.argmin(costs))
-        return trials[best], starts[:, best], now - costs[best]
+        at, start, _ = tried[best]
+        return at, start, self.cost(here.error, here.at, here.start, here.scale, here.memory) - costs[best]
+
+    def _towards(
+        self, here: _Linearisation, damping: float, gradient: Floats, offset: Floats, behind: _Step | None = None
+    ) -> _Step:
+        """The damped step within the bounds against a gradient (k,) and an offset (W, L), from the end of another."""
+        at = here.at if behind is None else here.at + behind.coefficients
+        stuck = ((here.at <= self.low) & (here.gradient > 0)) | ((here.at >= self.high) & (here.gradient < 0))
+        damped = here.curvature + damping * np.diag(np.diag(here.curvature))
+        change = least_within(damped, -gradient, (self.low - at, self.high - at), np.eye(len(at))[:, ~stuck])
+        return _Step(change, -offset - here.slopes.response @ change)
+
+    def _corrected(self, here: _Linearisation, damping: float, first: _Step, step: _Step, error: Floats) -> _Step:
+        """The first step, with what makes up for how errors (W, m, C) behind ``step`` differ from what slopes tell."""
+        bend = _weigh(self.windows, error[None], here.scale, here.memory)[0] - here.weighed - here.slopes.along(step)
+        more = self._towards(here, damping, *here.slopes.eliminate(bend), first)
+        return _Step(first.coefficients + more.coefficients, first.starts + more.starts)
+
+    def _ends(self, here: _Linearisation, steps: Sequence[_Step]) -> list[tuple[Floats, Floats, Floats]]:
+        """Coefficients (k,), starts (W, 12) and errors (W, m, C) behind each step."""
+        points = [np.clip(here.at + step.coefficients, self.low, self.high) for step in steps]
+        starts = np.repeat(here.start[:, None], len(steps), axis=1)
+        starts[..., self.entries] += np.stack([step.starts for step in steps], axis=1)
+        return list(zip(points, starts.swapaxes(0, 1), self._errors(points, starts), strict=True))
 
     def cost(self, error: Floats, at: Floats, start: Floats, scale: Floats, memory: float) -> float:
         """Chi-square of errors (W, m, C), of coefficients (k,) and of starts (W, 12)."""
