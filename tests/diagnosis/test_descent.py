@@ -99,6 +99,6 @@ def _ends(seed: int, monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_steps_that_follow_bent_valleys_end_lower(monkeypatch):
-    """Where gains, arms and curves of thrusters trade, corrected steps end lower than straight ones, two of three by 500."""
+    """Where gains, arms and curves of thrusters trade, corrected steps end lower, two of three by 500."""
     straight, corrected = np.array([_ends(seed, monkeypatch) for seed in range(100, 103)]).T
     assert np.median(straight - corrected) > 500

@@ -298,6 +298,7 @@ def test_a_channel_of_another_dive_is_told_before_any_fault():
     diagnosis = diagnose(of_another_dive(("yaw",), 4), load_vehicle("bluerov2_heavy"))
     assert told(diagnosis) == [("yaw",)] and not likely(diagnosis) and diagnosis.verdict is Verdict.CANNOT_TELL
     assert "on heading does not follow the vehicle" in diagnosis.summary
+    assert [one.probability for one in diagnosis.alternatives] == [1.0]  # no fault explains it
 
 
 @pytest.mark.thorough

@@ -75,8 +75,7 @@ def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callabl
 
 def _nothing_else(log: FlightLog, silent: tuple[Finding, ...], logged: Diagnosis) -> Diagnosis:
     """That nothing moves with the commands: no fault can be told from that, and none was looked for."""
-    alone = replace(_alone(logged, silent), alternatives=(Alternative((), in_words(silent), 1.0),))
-    return replace(alone, findings=(*silent, *log.findings))
+    return replace(_alone(logged, silent), findings=(*silent, *log.findings))
 
 
 def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, found: Found, once: Once) -> Diagnosis:
@@ -189,8 +188,14 @@ def _beside(rest: Diagnosis, logged: Diagnosis, silent: tuple[Finding, ...]) -> 
 
 
 def _alone(logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
-    """Nothing that could be explained or located is left: what does not answer is all that is said."""
-    seen = {one.name: one.probability for one in logged.candidates}
+    """Nothing that could be explained or located is left: what does not answer is all that is said.
+
+    Faults are the other reading only where they explain the log.
+    """
+    seen, readings = {}, (Alternative((), in_words(silent), 1.0),)
+    if logged.verdict is Verdict.EXPLAINED:
+        seen = {one.name: one.probability for one in logged.candidates}
+        readings = doubted_alternatives(logged.alternatives, BELIEVED, in_words(silent))
     return replace(
         logged,
         verdict=Verdict.CANNOT_TELL,
@@ -198,7 +203,7 @@ def _alone(logged: Diagnosis, silent: tuple[Finding, ...]) -> Diagnosis:
         where=Where(),
         effects=(),
         candidates=_halved((), seen),
-        alternatives=doubted_alternatives(logged.alternatives, BELIEVED, in_words(silent)),
+        alternatives=readings,
         indistinguishable=(),
         next_experiment=None,
         gap=_as_before(logged.gap),
