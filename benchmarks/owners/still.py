@@ -11,6 +11,7 @@ CODES = (  # of findings that tell of it
     "does_not_answer",
     "not_of_this_vehicle",
     "nothing_moves",
+    "stands",
     "held",
     "nothing_follows",
     "constant_column",

@@ -1,5 +1,6 @@
 """Channels that do not answer to commands: told before any fault of the vehicle, and never where they do answer."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -14,6 +15,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.table import summary_table
 from auv_torchrl.diagnosis.unanswered.both_readings import FAR_LESS
+from auv_torchrl.diagnosis.unanswered.held import beside, find_held
 from auv_torchrl.diagnosis.unanswered.other_source import find_other_source, left_by
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves
 from auv_torchrl.diagnosis.unanswered.weigh import without
@@ -126,6 +128,36 @@ def test_a_vehicle_that_stands_on_deck_is_told_so():
     diagnosis = diagnose(log, paper)
     assert diagnosis.summary.startswith("The vehicle does not move at all, whatever is commanded: ")
     assert diagnosis.verdict is Verdict.CANNOT_TELL and not diagnosis.effects and diagnosis.gap.closed is None
+
+
+def test_what_was_flown_is_explained_beside_what_was_held():
+    """A dive with a weak thruster goes on after the vehicle is back on deck: both are told, and no sensor is blamed."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    axes = ("x", "y", "z", "roll", "pitch", "yaw")
+    log = fly(vehicle, {"thruster_gain": {"gain_2": 0.5}}, seed=2, episodes=2, seconds=40.0, axes=axes)
+    diagnosis = diagnose(stuck(log, axes, stretch=(24.0, 40.0)), vehicle)
+    assert diagnosis.headline.startswith("The vehicle does not move at all for a while, whatever is commanded")
+    (told_so,) = (finding for finding in diagnosis.findings if finding.code == "stands")
+    times = [float(one) for one in re.findall(r"from (\d+) s to (\d+) s", told_so.sentence)[0]]
+    assert times == pytest.approx([24.0, 40.0], abs=1.0)
+    (effect,) = diagnosis.effects
+    assert effect.parameters["gain_2"].value == pytest.approx(0.5, abs=0.02)
+    assert diagnosis.verdict is Verdict.EXPLAINED
+    assert not any(finding.code == "does_not_answer" for finding in diagnosis.findings)
+
+
+@pytest.mark.parametrize("moving", ["", "roll", "x"])
+def test_a_vehicle_is_held_only_where_all_channels_stand_still(moving):
+    """Where roll or a position goes on as it did, nothing is left out as held."""
+    vehicle = load_vehicle("bluerov2_heavy")
+    axes = ("x", "y", "z", "roll", "pitch", "yaw")
+    log = fly(vehicle, {}, seed=2, episodes=2, seconds=40.0, axes=axes)
+    parked = stuck(log, tuple(axis for axis in axes if axis != moving), stretch=(24.0, 40.0))
+    found = find_held(parked, vehicle, SETTINGS, find_stillness(parked, vehicle, SETTINGS))
+    assert {one.channel for one in found} == (set() if moving else set(axes))
+    for number in {one.episode for one in found if one.episode is not None}:
+        left = beside(parked, found)
+        assert left is not None and left.only([number]).duration == pytest.approx(24.0, abs=1.0)
 
 
 def test_a_vehicle_that_rocks_on_a_boat_while_its_thrusters_turn_does_not_move(monkeypatch):

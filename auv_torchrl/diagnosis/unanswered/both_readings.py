@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
+from auv_torchrl.diagnosis.unanswered.held import beside, find_held
 from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, left_by, share_of_held
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by, without
@@ -25,6 +26,7 @@ from auv_torchrl.diagnosis.unanswered.wording import (
     tell_contradiction,
     tell_held,
     tell_other_source,
+    tell_stands,
 )
 from auv_torchrl.diagnosis.verdict import (
     OTHERS,
@@ -60,6 +62,9 @@ def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callabl
     whole = _is_all(log, vehicle, settings, still)
     if not whole and (share := share_of_held(log, vehicle, settings)) is not None:
         return _nothing_else(log, (tell_held(share, log.axes),), unsearched())
+    held = () if whole else find_held(log, vehicle, settings, still)
+    if held and unexplained_by(hold_attitude(log, vehicle), log, held, settings):
+        return _beside_the_held(log, held, given, once, unsearched)
     still = unexplained_by(hold_attitude(log, vehicle), log, still, settings) if still else ()
     if not still:
         return _unless_of_another_source(log, given, *once(log, 0.0, 0.8), once)
@@ -71,6 +76,21 @@ def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callabl
         return logged
     silent = tell(still, False, len(log.episodes))
     return _beside(rest, logged, silent) if rest else _alone(logged, silent)
+
+
+def _beside_the_held(
+    log: FlightLog, held: Sequence[Stillness], given: Given, once: Once, unsearched: Callable[[], Diagnosis]
+) -> Diagnosis:
+    """What the log shows but for stretches in which the vehicle is held."""
+    silent, others = tell_stands(held, len(log.episodes)), beside(log, held)
+    try:
+        rest = weigh_readings(others, given, once, unsearched) if others else None
+    except FlightLogError:  # too little is left to explain
+        rest = None
+    if rest is None:
+        return _nothing_else(log, silent, unsearched())
+    both = _beside(rest, rest, silent)
+    return replace(both, verdict=rest.verdict) if rest.verdict is Verdict.EXPLAINED else both
 
 
 def _nothing_else(log: FlightLog, silent: tuple[Finding, ...], logged: Diagnosis) -> Diagnosis:

@@ -9,6 +9,7 @@ from auv_torchrl.quantities import percent
 from auv_torchrl.sensors import CHANNELS
 
 STILL = "does_not_answer"
+STANDS = "stands"
 NOTHING_MOVES = "nothing_moves"
 HELD = "held"
 ELSEWHERE = "not_of_this_vehicle"
@@ -40,6 +41,15 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
         episodes: of the log: of one, its number is not told.
     """
     return tuple(_finding(group, whole, episodes) for group in _groups(still))
+
+
+def tell_stands(held: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
+    """The finding about stretches in which every channel stands still; ``episodes`` as of the log."""
+    first, *more = _groups(held)
+    one = _finding(first, True, episodes)
+    later = "".join(f"and {_when(group, episodes)}" for group in more)
+    when, _, what = one.sentence.partition("the vehicle")
+    return (replace(one, code=STANDS, sentence=f"{when}{later}the vehicle{what}"),)
 
 
 def tell_held(share: float, channels: Iterable[str]) -> Finding:
@@ -93,7 +103,7 @@ def tell_contradiction(false: Sequence[Stillness], episodes: int) -> tuple[Findi
 
 def not_answering(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """The findings about channels that do not answer to commands, or do not follow the vehicle."""
-    return tuple(finding for finding in findings if finding.code in (STILL, ELSEWHERE, *OF_ALL))
+    return tuple(finding for finding in findings if finding.code in (STILL, ELSEWHERE, STANDS, *OF_ALL))
 
 
 def named(channels: Iterable[str]) -> str:
@@ -119,7 +129,9 @@ def in_words(findings: Iterable[Finding]) -> str:
     for code, clause in OF_ALL.items():
         if code in codes:
             return clause
-    name = named({column for finding in found for column in finding.columns})
+    if codes == {STANDS}:
+        return "the vehicle does not move at all for a while, whatever is commanded"
+    name = named({column for finding in found if finding.code != STANDS for column in finding.columns})
     does = "follow the vehicle" if ELSEWHERE in codes else "answer to any command"
     return f"{name} {_does(name)} not {does}"
 
