@@ -45,11 +45,12 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
 
 def tell_stands(held: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
     """The finding about stretches in which every channel stands still; ``episodes`` as of the log."""
-    first, *more = _groups(held)
-    one = _finding(first, True, episodes)
-    later = "".join(f"and {_when(group, episodes)}" for group in more)
-    when, _, what = one.sentence.partition("the vehicle")
-    return (replace(one, code=STANDS, sentence=f"{when}{later}the vehicle{what}"),)
+    groups = _groups(held)
+    one = _finding(groups[0], True, episodes)
+    *first, last = (_when(group, episodes).strip() for group in groups)
+    when = f"{', '.join(first)} and {last}" if first else last
+    _, _, what = one.sentence.partition("the vehicle")
+    return (replace(one, code=STANDS, sentence=f"{when} the vehicle{what}"),)
 
 
 def tell_held(share: float, channels: Iterable[str]) -> Finding:
