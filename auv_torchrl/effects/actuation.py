@@ -22,6 +22,7 @@ from auv_torchrl.effects.effect import (
 )
 from auv_torchrl.effects.servos import azimuth_gain, azimuth_offset, fin_gain
 from auv_torchrl.effects.trial import Same, Scan, Trial
+from auv_torchrl.quantities import series
 from auv_torchrl.vehicle import Vehicle
 
 thruster_gain = Effect(
@@ -98,9 +99,9 @@ def _plugs_in_words(values: Mapping[str, float]) -> str:
     pairs, others = advice.exchanged(values)
     clauses = [f"the plugs of thrusters {advice.listed(pairs)} are exchanged"] if pairs else []
     clauses += [f"thruster {to} gets the command of thruster {by}" for to, by in others]
-    *first, last = sorted(advice.reversed_of(values), key=int) or ("",)
-    clauses += [f"thrusters {', '.join(first)} and {last} turn the wrong way"] if first else []
-    clauses += [f"thruster {last} turns the wrong way"] if last and not first else []
+    backwards = sorted(advice.reversed_of(values), key=int)
+    clauses += [f"thrusters {series(backwards)} turn the wrong way"] if len(backwards) > 1 else []
+    clauses += [f"thruster {backwards[0]} turns the wrong way"] if len(backwards) == 1 else []
     return "; ".join(clauses)
 
 

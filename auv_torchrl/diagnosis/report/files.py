@@ -15,6 +15,7 @@ from auv_torchrl.extras import command, is_installed
 from auv_torchrl.files import encoded, write_whole
 from auv_torchrl.flightlog import POSE, VELOCITY
 from auv_torchrl.flightlog.tables.csv_text import csv_blocks
+from auv_torchrl.quantities import series
 from auv_torchrl.vehicle import Vehicle
 
 log = logging.getLogger("diagnose")
@@ -84,8 +85,7 @@ def write_files(diagnosis: Diagnosis, vehicle: Vehicle, folder: Path, replace: b
 
 def named_files(paths: Iterable[Path]) -> str:
     """Of the files of :func:`write_files`, the names of those that people open, load or fly."""
-    *names, last = (path.name for path in paths if path.name not in _FOR_PROGRAMS)
-    return f"{', '.join(names)} and {last}"
+    return series(path.name for path in paths if path.name not in _FOR_PROGRAMS)
 
 
 def predictions(windows: tuple[Window, ...]) -> dict[str, np.ndarray]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, channels_of
 from auv_torchrl.flightlog import Finding, Severity
-from auv_torchrl.quantities import percent
+from auv_torchrl.quantities import percent, series
 from auv_torchrl.sensors import CHANNELS
 
 STILL = "does_not_answer"
@@ -47,8 +47,7 @@ def tell_stands(held: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]
     """The finding about stretches in which every channel stands still; ``episodes`` as of the log."""
     groups = _groups(held)
     one = _finding(groups[0], True, episodes)
-    *first, last = (_when(group, episodes).strip() for group in groups)
-    when = f"{', '.join(first)} and {last}" if first else last
+    when = series(_when(group, episodes).strip() for group in groups)
     _, _, what = one.sentence.partition("the vehicle")
     return (replace(one, code=STANDS, sentence=f"{when} the vehicle{what}"),)
 
@@ -114,8 +113,7 @@ def named(channels: Iterable[str]) -> str:
         if set(members) <= set(left):
             words.append((CHANNELS.index(members[0]), name))
             left = [channel for channel in left if channel not in members]
-    *first, last = (name for _, name in sorted(words))
-    return f"{', '.join(first)} and {last}" if first else last
+    return series(name for _, name in sorted(words))
 
 
 def is_all(findings: Iterable[Finding]) -> bool:
