@@ -43,6 +43,8 @@ from auv_torchrl.quantities import counted, percent, words
 from auv_torchrl.vehicle import Vehicle
 
 MOST_WINDOWS = 60  # two minutes: what more windows tell is fitted later, with their disturbance
+FITS = 8  # of the coefficients of a file that is a guess, at most, ...
+STILL_FALLS = 2.0  # ... while each lowers chi-square by this: what no flight tells then follows the prior
 FEWEST_TO_LEAVE_ONE = 3  # flights, so that all of them show a vehicle near that of the others
 
 
@@ -76,7 +78,7 @@ def draft(
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
     problem, path = follow_windows(Problem.of(windows, vehicle, settings))
     nuisance = state_nuisance(vehicle, settings, windows.channels)
-    problem, fit = _fit_nuisance(problem, nuisance, path)
+    problem, fit = _fit_nuisance(problem, nuisance, path, 1)
     flights, estimate = split_by_flight(healthy, windows), VehicleEstimate.from_file(vehicle, nuisance)
     floor = np.array(settings.floor_force)
     prior = HealthyPrior(floor, problem.sigma, problem.rough_noise, (), estimate.covariance)
@@ -91,7 +93,7 @@ def draft(
     wrong_effects: tuple[str, ...] = ()
     guess = approach(windows, vehicle, guess_nuisance(vehicle, settings, coefficients, windows))
     problem, path = follow_windows(Problem.of(windows, guess.vehicle, settings))
-    problem, refitted = _fit_nuisance(problem, guess.nuisance, path)
+    problem, refitted = _fit_nuisance(problem, guess.nuisance, path, FITS)
     if refitted.excess < excess:
         covariance = hold_scale(_posterior_covariance(problem, refitted), guess)
         estimate = restore_file_scale(guess.updated(nuisance_now(problem, refitted.explanation), covariance))
@@ -130,13 +132,18 @@ def split_by_flight(healthy: Sequence[FlightLog], windows: Windows) -> list[Wind
     return [windows.subset(flight == number) for number in np.unique(flight)]
 
 
-def _fit_nuisance(problem: Problem, nuisance: NuisanceParameters, path: WindowPath) -> tuple[Problem, Fit]:
+def _fit_nuisance(problem: Problem, nuisance: NuisanceParameters, path: WindowPath, fits: int) -> tuple[Problem, Fit]:
     """Fit nuisance parameters on all flights at once, and measure the noise under them."""
     covariance = np.diag(np.array([width for *_, width in nuisance.entries]) ** 2)
     problem = replace(
         problem, nuisance=nuisance.entries, nuisance_covariance=covariance, nuisance_precision=np.linalg.inv(covariance)
     )
     fit = fit_by_simulation(problem, Explanation(), path)
+    for _ in range(1, fits):
+        further = fit_by_simulation(problem, fit.explanation, fit.path)
+        falls, fit = fit.chi2 - further.chi2, further
+        if not falls > STILL_FALLS:
+            break
     if (anew := measure_noise(problem, fit)) is not problem:
         problem, fit = anew, reassess(anew, fit)
     return problem, fit
