@@ -132,7 +132,8 @@ def test_speeds_that_no_vehicle_has_do_not_make_a_rollout_endless(name, decades)
 @pytest.mark.parametrize("name", ["paper", "bluerov2", "bluerov2_heavy", "ardusub_sitl"])
 def test_rollouts_of_the_fastest_turns_are_as_exact_as_a_gyroscope(name):
     """Where full commands turn a vehicle, much shorter steps change no yaw rate by more than a gyroscope's noise."""
-    vehicle, noise, times = load_vehicle(name), 0.005, 0.05 * np.arange(401)
+    vehicle, noise = load_vehicle(name), 0.005
+    times: np.ndarray = 0.05 * np.arange(401)
     turning = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 20), 20)
     commands = np.clip(turning[:, None] * vehicle.mixer[:, 5], -1, 1)
     flown = simulate(vehicle, commands[None], times).states[0]
