@@ -40,8 +40,7 @@ def bounded(probability: Mapping[str, float], doubted: Sequence[Finding]) -> dic
     """Probabilities by effect, what is taken from them added to that of something unknown."""
     if not doubted:
         return dict(probability)
-    # sums of weights may be 1 and a rounding error
-    kept = {name: p if name in (NONE, UNKNOWN) else BELIEVED * min(p, 1.0) for name, p in probability.items()}
+    kept = {name: p if name in (NONE, UNKNOWN) else BELIEVED * p for name, p in probability.items()}
     kept[UNKNOWN] = max(kept.get(UNKNOWN, 0.0), 1 - BELIEVED)
     return dict(sorted(kept.items(), key=lambda item: -item[1]))
 

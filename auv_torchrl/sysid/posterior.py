@@ -62,7 +62,8 @@ def probabilities(trace: SearchTrace, tempering: float = 1.0, nothing: str | Non
     for names, share in weights(trace, tempering).items():
         for name in names or ((nothing,) if nothing else ()):
             found[name] = found.get(name, 0.0) + share
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    # Shares that add up to 1 may add up to 1 and a rounding error.
+    return dict(sorted(((name, min(p, 1.0)) for name, p in found.items()), key=lambda item: -item[1]))
 
 
 def intervals(fit: Fit) -> list[Interval]:

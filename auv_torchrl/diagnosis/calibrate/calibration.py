@@ -1,7 +1,7 @@
 """The healthy vehicle: coefficients, disturbance, and how flights differ, before a fault is looked for.
 
 A first fit treats all flights as one. Where the file is right within the settings' widths, each flight is then fitted
-within these widths, and that is all. Otherwise :func:`draft` says which coefficients the file has wrong, in a third of
+within these widths, and that is all. Otherwise :func:`draft` says which coefficients the file has wrong, in half of
 the time of the whole calibration: enough to see that they are few, as after a fault. :func:`calibrate_draft` then fits
 each flight by itself. Where flights leave more than any coefficients explain, the vehicle that predicts them best is
 taken instead.

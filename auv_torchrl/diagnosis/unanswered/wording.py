@@ -45,11 +45,8 @@ def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Findin
 
 def tell_stands(held: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
     """The finding about stretches in which every channel stands still; ``episodes`` as of the log."""
-    groups = _groups(held)
-    one = _finding(groups[0], True, episodes)
-    when = series(_when(group, episodes).strip() for group in groups)
-    _, _, what = one.sentence.partition("the vehicle")
-    return (replace(one, code=STANDS, sentence=f"{when} the vehicle{what}"),)
+    when = series(_when(group, episodes).strip() for group in _groups(held))
+    return (_motionless(STANDS, f"{when} ", channels_of(held)),)
 
 
 def tell_held(share: float, channels: Iterable[str]) -> Finding:
@@ -163,12 +160,7 @@ def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
     channels = channels_of(group)
     when = _when(group, episodes)
     if whole:
-        sentence = (
-            f"{when}the vehicle does not move at all, whatever is commanded: it is on deck or held, its thrusters have "
-            "no power, or the source of the log stands still"
-        )
-        remedy = f"Look {FREE}, whether its thrusters have power, and whether the source of {named(channels)} runs"
-        return Finding(Severity.WARNING, NOTHING_MOVES, sentence, remedy, channels)
+        return _motionless(NOTHING_MOVES, when, channels)
     name = named(channels)
     floats = set(channels) in FLOATS
     stands = "the vehicle floats or stands" if floats else "the vehicle is held"
@@ -176,6 +168,16 @@ def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
     free = "whether the vehicle floats at the surface or stands on the bottom" if floats else FREE
     remedy = f"Look at the source of the {name}, and {free}"
     return Finding(Severity.WARNING, STILL, sentence, remedy, channels)
+
+
+def _motionless(code: str, when: str, channels: tuple[str, ...]) -> Finding:
+    """The finding that every channel stands still, all along or in the stretches that ``when`` says."""
+    sentence = (
+        f"{when}the vehicle does not move at all, whatever is commanded: it is on deck or held, its thrusters have "
+        "no power, or the source of the log stands still"
+    )
+    remedy = f"Look {FREE}, whether its thrusters have power, and whether the source of {named(channels)} runs"
+    return Finding(Severity.WARNING, code, sentence, remedy, channels)
 
 
 def _when(group: Sequence[Stillness], episodes: int) -> str:
