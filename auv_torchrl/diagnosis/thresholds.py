@@ -82,7 +82,8 @@ SATISFIED = 2.0  # standard deviations of chi-square above its mean, below which
 
 # Windows that are followed, and those that are not
 FOLLOWED = 1.15  # misfit of a window that a free force follows
-LOST = 1.6  # misfit of one that it does not
+LOST = 1.6  # misfit of one that it does not, ...
+LEAVES_LITTLE = 0.1  # ... unless that is less than this share of the misfit without a force: 1 % of chi-square
 MOSTLY_LOST = 0.5  # share of lost windows above which an explanation is simply wrong
 FEW_LOST = 0.1  # share of lost or diverged windows below which each is an accident
 OUTLIER = 5.0  # standard deviations from which a sample counts less: of noise alone, one in a million does,

@@ -171,8 +171,7 @@ def fit_by_simulation(
     searched = search_thresholds(problem, best)
     if searched is not best:
         best, gains = _descend(problem, searched.path, rounds)
-    # By a tilt or a speed that nobody measured, or by a motion that no force could follow.
-    is_bent = problem.layout.moves_unseen or problem.layout.by_specific_force.any() or problem.hardly_followed
+    is_bent = problem.layout.moves_unseen or problem.layout.by_specific_force.any()  # tilts or speeds nobody measured
     for turn in range(RELINEARISED if is_bent or gains else 0):
         if best.nothing_left or not np.isfinite(best.chi2) or (turn and best.chi2 > enough):
             break

@@ -28,6 +28,7 @@ from auv_torchrl.diagnosis.thresholds import (
     FEW_LOST,
     FOLLOWED,
     HEIRS,
+    LEAVES_LITTLE,
     LOST,
     LOST_START,
     MANY_OUTLIERS,
@@ -74,7 +75,7 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
             break
         problem = replace(problem, layout=layout)
         state = follow_freely(problem, problem.windows, vehicle)
-    followed = misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma) < LOST
+    followed = _are_followed(problem, vehicle, state)
     sigma = problem.sigma
     if problem.windows.whitening is None:
         measured = sensor_noise(problem.windows, state, problem.sigma, problem.wide)
@@ -85,6 +86,19 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
     if problem.known is not None:
         problem = hold_unseen(problem, problem.known, path)
     return replace(problem, nuisance_size=force_of_nuisance(problem, path)), path
+
+
+def _are_followed(problem: Problem, vehicle: Vehicle, state: Smoothed) -> np.ndarray:
+    """Windows (W,) in which the motion is known: the free force leaves noise, or little of what the vehicle misses.
+
+    A vehicle whose plugs are exchanged tumbles, and its thrust changes faster than a force per bin. That force leaves
+    many times the noise then, and still a hundredth of what the vehicle misses without it.
+    """
+    left = misfit(problem.windows, _beside_offsets(problem.windows, state.residual), problem.sigma)
+    without = np.zeros_like(state.bins)
+    missed, _ = flown(actuate(problem.windows, vehicle), problem.layout, state.start[:, None], without[:, None])
+    followed: np.ndarray = left < np.maximum(LOST, LEAVES_LITTLE * misfit(problem.windows, missed[:, 0], problem.sigma))
+    return followed
 
 
 def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tuple[Problem, Smoothed]:

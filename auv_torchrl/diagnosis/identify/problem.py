@@ -25,7 +25,6 @@ from auv_torchrl.diagnosis.thresholds import (
     FELT_ALONE,
     LONG_STEP,
     MENDED_REPEATS,
-    MOSTLY_LOST,
     NOISIER,
     NUISANCE_LIMIT,
     NUISANCE_STEP,
@@ -146,11 +145,6 @@ class Problem:
             followed=np.ones(len(windows), bool),
             seen_start=windows.guess,
         )
-
-    @property
-    def hardly_followed(self) -> bool:
-        """Whether most windows move as no force could make the vehicle move, as where it tumbles."""
-        return bool(self.followed.mean() < MOSTLY_LOST)
 
     @property
     def even(self) -> np.ndarray:

@@ -224,15 +224,17 @@ class _EffectSearch(Search[Neighbour, Fit]):
         return sound and bool(_small(self._problem, fitted))
 
     def settled(self, best: Fit) -> Fit:
-        """See :meth:`Search.settled`; what leaves much is on its way to a larger explanation.
+        """See :meth:`Search.settled`; a vehicle without effects that leaves much is on its way to one with some.
 
         The noise is measured again under the first explanation that leaves little, and not again under every further
         one: whoever explains more would have less noise to explain.
         """
-        if leaves_much(self._problem, best):  # windows that tumble find their starts one after the other
-            tumbles = self._problem.hardly_followed and bool(best.explanation.effects)
-            return fitted_on(self._problem, best) if tumbles else best
+        much = leaves_much(self._problem, best)
+        if much and not best.explanation.effects:
+            return best
         fitted = fitted_on(self._problem, best)
+        if much:
+            return fitted
         anew = measure_noise(self._problem, fitted) if not self._is_noise_measured else self._problem
         self._is_noise_measured = True
         return fitted if anew is self._problem else self._under_other_noise(anew, best, fitted)

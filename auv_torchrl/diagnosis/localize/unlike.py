@@ -153,11 +153,6 @@ class Unlike:
         """Where it gives the same at one command."""
         return self.mapped and self.mapped.measured
 
-    @property
-    def explains(self) -> bool:
-        """Whether it leaves too little for any effect beside it."""
-        return self.excess - 1 < CLOSES * (self.moments.before - 1)
-
 
 def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
     """The thruster that pushes otherwise than commanded, where one stands out from all others; else None."""
@@ -169,9 +164,9 @@ def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
 
 
 def evidence_of_unlike(problem: Problem, path: WindowPath) -> float:
-    """Log evidence of such a thruster, where that leaves too little for any effect beside it."""
+    """Log evidence of such a thruster, that of nothing where there is none."""
     unlike = unlike_thruster(problem, path)
-    return unlike.evidence if unlike is not None and unlike.explains else -np.inf
+    return -np.inf if unlike is None else unlike.evidence
 
 
 def unless_unlike(found: Found) -> Found | None:
