@@ -28,6 +28,7 @@ from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
+FOLLOWED_AGAIN = 0.75  # share of the work that is done when a log is followed along what was found
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
@@ -74,7 +75,7 @@ def search_log(
     problem.freedoms.clear()  # of what led here; a search of some windows would keep those of all
     if onset is None:
         found = search(problem, follow, report, begin, unknown=evidence_of_unlike)
-        return LogSearch(found, sound)
+        return LogSearch(search_along(problem, found, report), sound)
     plain = replace(problem, windows=replace(problem.windows, whitening=None))  # parts of it are whitened anew
     measured, sensor = problem.known, follow.explanation
     del problem, follow  # the whole log would fill the memory beside the part
@@ -82,12 +83,27 @@ def search_log(
     found = search(behind, its_follow, report, begin, unknown=evidence_of_unlike)
     if seen or is_absent(plain, onset, found.best.explanation, own, settings):
         del plain
-        return LogSearch(found, sound, onset)
+        return LogSearch(search_along(behind, found, report), sound, onset)
     hints = _each_once(found.fits)[:SIMULATED]
     del behind, its_follow, found, plain  # and the part beside the whole
     problem, follow = follow_windows(Problem.of(windows, own, settings, measured), sensor)
     whole = search(problem, follow, report, hints, further=False)
-    return LogSearch(whole, sound)
+    return LogSearch(search_along(problem, whole, report), sound)
+
+
+def search_along(problem: Problem, found: Found, report: Progress) -> Found:
+    """Where errors are no white noise and something is left, weigh what was simulated along what was found.
+
+    What such errors amount to follows from the motion and from the vehicle: a dead thruster makes none, and beside a
+    large fault sound samples look like outliers.
+    """
+    best = replace(found.best.explanation, nuisance={})
+    if not problem.given.errors.coloured or not best.effects or found.excess < problem.settings.excess:
+        return found
+    hints = _each_once([found.best, *found.fits])[:SIMULATED]
+    report("following what was found", FOLLOWED_AGAIN)
+    again = search(*follow_windows(problem, best), report, hints, further=False)
+    return again if again.excess < found.excess else found
 
 
 def healthy_not_healthy(healthy: Sequence[FlightLog], fault: Explanation) -> Finding:

@@ -136,6 +136,7 @@ def _one_way(field: str, way: str, meaning: str) -> Effect:
                 2.0,
                 f"thruster {{which}} gives {{share}} of its nominal thrust {way}",
                 "thruster",
+                at_zero=f"thruster {{which}} gives no thrust {way}",
             ),
         ),
         change=of_thrusters(lambda vehicle, gain: changed(vehicle, **{field: gain})),

@@ -79,6 +79,7 @@ PARTS = {
         is_slow=True,
     ),
     "hold_unseen": Part("nuisance that no window tells is held", ("identify.following:hold_unseen",), given(0)),
+    "search_along": Part("the search again along what was found", ("log_search:search_along",), given(1)),
     "find_onset": Part("a change during the log", ("log_search:find_onset",), always(None)),
     "hints_of": Part("a level vehicle's explanations for one that tilts", ("log_search:hints_of",), always([])),
     "fitted_along": Part("values along the motion", ("identify.neighbours:Neighbourhood._fitted_along",), given(1)),
@@ -104,7 +105,7 @@ PARTS = {
 }
 
 # They acted on few logs and changed no answer; the next run prints no rows for them.
-DELETED = ("are_twins", "merged", "without_small", "search_along")
+DELETED = ("are_twins", "merged", "without_small")
 
 
 def leave_out(part: Part) -> None:

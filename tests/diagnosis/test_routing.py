@@ -179,7 +179,7 @@ def searched(flown, vehicle, begin=()):
 def test_a_motion_that_no_force_per_bin_follows_is_known_all_the_same():
     """Thrust changes within a bin where plugs are exchanged: what a force leaves is little beside what it makes up for.
 
-    With the sensors of a stock vehicle most windows are left beyond their noise, and all plugs are found.
+    With the sensors of a stock vehicle many windows are left beyond their noise, and all plugs are found.
     """
     sensors = "stock"
     case = Case(

@@ -77,6 +77,16 @@ def test_a_stretch_is_found_to_the_second(name):
         assert entry.first_s == pytest.approx(8.0, abs=1.0) and entry.last_s == pytest.approx(20.0, abs=1.0)
 
 
+def test_a_sensor_that_is_stuck_for_a_while_is_stuck_in_all_that_it_measures():
+    """Roll and pitch may be held level while a vehicle is driven; where heading stands still with them, none is."""
+    heavy, attitude = load_vehicle("bluerov2_heavy"), ("roll", "pitch", "yaw")
+    axes = ("x", "y", "z", *attitude)
+    log = fly(heavy, {"thruster_swap": {"command_2": -2.0}}, seed=1, episodes=2, seconds=24.0, axes=axes)
+    for channels, wanted in ((attitude, set(attitude)), (("yaw",), {"yaw"}), (attitude[:2], set())):
+        found = find_stillness(stuck(log, channels, stretch=(8.0, 20.0)), heavy, SETTINGS)
+        assert {entry.channel for entry in found} == wanted and all(entry.episode is not None for entry in found)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("fault", ("sound", "weak"))
 @pytest.mark.parametrize("name", VEHICLES)
@@ -104,6 +114,17 @@ def test_channels_are_named_as_people_name_them():
     assert named(["x"]) == "north position"
     (finding,) = tell([Stillness("z", 2, 8.2, 19.9)], False, 4)
     assert finding.sentence.startswith("from 8 s to 20 s of episode 2 depth does not answer to any command")
+
+
+def test_what_stands_still_again_and_again_is_one_finding():
+    """Stretches of several episodes are one sentence, and those of the same seconds one clause."""
+    stretches = [Stillness("z", 2, 8.2, 30.0), *(Stillness("z", episode, 0.0, 30.0) for episode in (3, 4, 6))]
+    (finding,) = tell(stretches, False, 6)
+    assert finding.sentence.startswith(
+        "from 8 s to 30 s of episode 2 and from 0 s to 30 s of episodes 3, 4 and 6 depth does not answer"
+    )
+    yaw = Stillness("yaw", 5, 2.0, 20.0)
+    assert [one.columns for one in tell([*stretches, yaw], False, 6)] == [("z",), ("yaw",)]
 
 
 def test_a_stuck_depth_gauge_is_told_before_the_fault_that_would_look_the_same():

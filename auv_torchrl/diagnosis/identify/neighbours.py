@@ -137,19 +137,25 @@ class Neighbourhood:
         return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
 
     def smaller(self) -> list[Proposal[Neighbour]]:
-        """Without one value or one effect, unless the quadratic of the best fit excludes that."""
+        """Without one value, one effect or all that is said of one thruster, unless the quadratic excludes that.
+
+        The quadratic of the best fit says nothing of discrete values: these go by themselves.
+        """
         terms, here = self.best.explanation.terms, self.here
         parts = {tuple(places) for places in _inseparable(terms)}
         effects = self.best.explanation.effects
         parts |= {tuple(p for p, term in enumerate(terms) if term.effect == name) for name in effects}
+        parts |= {tuple(places) for places in _of_one_thruster(terms)}
         found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self._without(one) for one in sorted(parts)}
+        untold = {places for places in found if any(terms[place].discrete for place in places)}
         together: tuple[int, ...] = ()  # what may go at once, the least needed first
         for places in sorted(found, key=lambda places: -promise(found[places])):
-            if promise(found[places]) > here:
+            if promise(found[places]) > here and places not in untold:
                 more: tuple[int, ...] = tuple(sorted({*together, *places}))
                 found[more] = self._without(more)
                 together = more if promise(found[more]) > here else together
-        proposals = [found[together]] if len(together) > 1 else list(found.values())
+        told = [together] if len(together) > 1 else sorted(parts - untold)
+        proposals = [found[places] for places in (*told, *sorted(untold))]
         least = here - self.doubt
         likely = [one for one in proposals if promise(one) > least and not self.is_known(one)]
         return sorted(likely, key=promise, reverse=True)[:SIMULATED]
@@ -216,6 +222,20 @@ def _inseparable(terms: Sequence[Term]) -> Iterator[list[int]]:
         giver = giver_of([term for term in terms if term.effect == effect])
         places = {n: place for place, term in enumerate(terms) if term.effect == effect for n in giver_of([term])}
         yield from ([places[number] for number in ring if number in places] for ring in rings(giver))
+
+
+def _of_one_thruster(terms: Sequence[Term]) -> Iterator[list[int]]:
+    """Places of values of a thruster that are of several effects, where those of its plug go alone."""
+    rings_of = [places for places in _inseparable(terms) if terms[places[0]].discrete]
+    for ring in rings_of if len(terms) > len(rings_of) else ():
+        numbers = {EFFECTS[terms[place].effect].thruster_of(terms[place].members[0]) for place in ring}
+        beside = [
+            place
+            for place, term in enumerate(terms)
+            if place not in ring and {EFFECTS[term.effect].thruster_of(member) for member in term.members} <= numbers
+        ]
+        if len(numbers) == 1 and beside:
+            yield sorted([*ring, *beside])
 
 
 def weighed(

@@ -83,12 +83,19 @@ class Found:
 
 
 Progress = Callable[[str, float], None]
-Unknown = Callable[[Problem, WindowPath], float]  # log evidence of something unknown along a measured motion
 
 
-def nothing_unknown(problem: Problem, follow: WindowPath) -> float:
+@dataclass(frozen=True)
+class Unknown:
+    """Log evidence of something unknown along a measured motion, which effects must promise more than."""
+
+    at_first: float = -np.inf  # before any effect was simulated
+    later: float = -np.inf
+
+
+def nothing_unknown(problem: Problem, follow: WindowPath) -> Unknown:
     """That nothing but effects may explain a log."""
-    return -np.inf
+    return Unknown()
 
 
 def search(
@@ -97,7 +104,7 @@ def search(
     progress: Progress,
     begin: Sequence[Explanation] = (),
     further: bool = True,
-    unknown: Unknown = nothing_unknown,
+    unknown: Callable[[Problem, WindowPath], Unknown] = nothing_unknown,
 ) -> Found:
     """The explanation with the highest posterior, and all that were tried on the way to it.
 
@@ -132,7 +139,7 @@ def search(
 class _EffectSearch(Search[Neighbour, Fit]):
     """A search for effects on its way."""
 
-    def __init__(self, problem: Problem, follow: WindowPath, progress: Progress, unknown: float = -np.inf) -> None:
+    def __init__(self, problem: Problem, follow: WindowPath, progress: Progress, unknown: Unknown = Unknown()) -> None:
         super().__init__()
         self._unknown = unknown
         self._problem, self._follow, self._progress = problem, follow, progress
@@ -191,8 +198,10 @@ class _EffectSearch(Search[Neighbour, Fit]):
     def _around(self, best: Fit, here: float) -> Neighbourhood:
         """The neighbourhood of a fit, whose neighbours must promise a log posterior."""
         # No effect leaves less along the measured motion than where it is simulated, and effects that explain the same.
-        along = best.evidence if best.explanation.effects else self._field.none().evidence
-        unknown = here + self._unknown - along
+        if best.explanation.effects:
+            unknown = here + self._unknown.later - best.evidence
+        else:
+            unknown = here + self._unknown.at_first - self._field.none().evidence
         return Neighbourhood(self._problem, self._follow, self._field, best, here, self._is_known, unknown)
 
     def neighbours(self, way: Way, best: Fit) -> Sequence[Proposal[Neighbour]]:

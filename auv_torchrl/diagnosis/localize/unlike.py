@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, batch
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import Found
+from auv_torchrl.diagnosis.identify.search import Found, Unknown
 from auv_torchrl.diagnosis.localize.attribute import on_grid, quadratics
 from auv_torchrl.diagnosis.localize.moments import Moments, changing_thruster
 from auv_torchrl.diagnosis.motion.actuation import coefficients
@@ -153,6 +153,11 @@ class Unlike:
         """Where it gives the same at one command."""
         return self.mapped and self.mapped.measured
 
+    @property
+    def explains(self) -> bool:
+        """Whether it leaves too little for any effect beside it."""
+        return self.excess - 1 < CLOSES * (self.moments.before - 1)
+
 
 def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
     """The thruster that pushes otherwise than commanded, where one stands out from all others; else None."""
@@ -163,10 +168,16 @@ def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
     return Unlike(moments, mapped if mapped is not None and mapped.evidence > moments.evidence else None)
 
 
-def evidence_of_unlike(problem: Problem, path: WindowPath) -> float:
-    """Log evidence of such a thruster, that of nothing where there is none."""
+def evidence_of_unlike(problem: Problem, path: WindowPath) -> Unknown:
+    """What such a thruster is worth.
+
+    Its gains take up some of any error of the motion that was measured. So one that leaves much is held against effects
+    once some have been simulated.
+    """
     unlike = unlike_thruster(problem, path)
-    return -np.inf if unlike is None else unlike.evidence
+    if unlike is None:
+        return Unknown()
+    return Unknown(unlike.evidence if unlike.explains else -np.inf, unlike.evidence)
 
 
 def unless_unlike(found: Found) -> Found | None:

@@ -6,6 +6,7 @@ A fault that makes a vehicle stand as still then is the other reading, which tha
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from auv_torchrl.diagnosis.axes import hold_attitude
 from auv_torchrl.diagnosis.doubt import BELIEVED, doubted_alternatives
@@ -42,8 +43,18 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
 
-Once = Callable[[FlightLog, float, float], tuple[Diagnosis, Found]]  # a log, and the shares of the work it begins
-# and ends at
+
+class Once(Protocol):
+    """Explains a log as if all of its channels followed the vehicle."""
+
+    def __call__(self, log: FlightLog, begin: float, end: float, by: Given | None = None) -> tuple[Diagnosis, Found]:
+        """The diagnosis and the search of a log, by something else than what is given to all.
+
+        ``begin`` and ``end`` are the shares of the work between which it is done.
+        """
+        ...
+
+
 # Of what is left without the other sensor, or by the best explanation of all: a false sensor outweighs faults.
 FAR_LESS = 0.1
 
@@ -71,7 +82,9 @@ def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callabl
     if whole:
         return _nothing_else(log, tell(still, whole, len(log.episodes)), unsearched())
     rest, still = _explain_others(log, settings, still, once)
-    logged, found = once(log, 0.5, 1.0)
+    # A file that all other channels bear out needs no correction for the sake of one that stands still.
+    by = replace(given, uncertainty=()) if rest and rest.verdict is Verdict.NO_GAP else given
+    logged, found = once(log, 0.5, 1.0, by)
     if not still or logged.verdict is Verdict.NO_GAP or explained_better(found.problem, found.best.path, still):
         return logged
     silent = tell(still, False, len(log.episodes))
@@ -263,12 +276,16 @@ def _halved(candidates: Sequence[EffectProbability], others: dict[str, float]) -
 def _both(
     rest: Sequence[Alternative], others: Sequence[FoundEffect], silent: Sequence[Finding]
 ) -> tuple[Alternative, ...]:
-    """What all other channels leave open, beside a channel that does not answer; and the other reading."""
+    """What all other channels leave open, and the other reading, beside which a channel does not answer.
+
+    Without another reading it does not answer in any case: that is said of a vehicle of which nothing else is wrong.
+    """
     other = BELIEVED * min((effect.probability for effect in others), default=0.0)
     still = in_words(silent)
     found = []
     for one in rest:
-        besides = one.besides if one.besides == OTHERS else " and ".join(filter(None, (one.besides, still)))
+        says_all = one.besides == OTHERS or not others and (one.effects or one.besides)
+        besides = one.besides if says_all else " and ".join(filter(None, (one.besides, still)))
         found.append(replace(one, besides=besides, probability=(1 - other) * one.probability))
     if others:
         found.append(Alternative(tuple(effect.name for effect in others), "", other))

@@ -6,7 +6,7 @@ white noise, and how far the commands would have moved the vehicle of the file f
 and a constant force can make. Whether that vehicle is the right one is weighed later.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,8 @@ LEAST_S = 6.0  # of standing still, less of which is a pause
 WHOLE = 0.9  # of the windows, from which a channel stands still all along
 # Channels in which a vehicle stands still for a while because its autopilot, or its weight, holds it level
 STABILISED = ("roll", "pitch", "p", "q", *ACCELERATION)
+OF_ONE_SENSOR = ANGLES, ("p", "q", "r")  # where the third stands still at once, it is the sensor
+TOGETHER = 0.5  # of the shorter of two stretches, from which they are one
 AWAY = 4.0  # standard deviations from where a channel stood, beyond which it moves again,
 IN_A_ROW = 3  # with so many samples
 # Of what commands should make of all channels together, below which a vehicle hardly moves: beside files that are off
@@ -56,6 +58,13 @@ class Stillness:
     def holds(self, episode: int, time_s: float) -> bool:
         """Whether it lasts at a time of an episode."""
         return self.episode is None or (self.episode == episode and self.first_s <= time_s <= self.last_s)
+
+    def is_with(self, other: "Stillness") -> bool:
+        """Whether another channel stands still in the same stretch."""
+        if self.episode != other.episode or self.channel == other.channel:
+            return False
+        shared = min(self.last_s, other.last_s) - max(self.first_s, other.first_s)
+        return self.episode is None or shared > TOGETHER * min(self.last_s - self.first_s, other.last_s - other.first_s)
 
     def covers(self, t: Floats) -> np.ndarray:
         """At which times (T,) of its episode it lasts."""
@@ -113,9 +122,16 @@ def find_stillness(log: FlightLog, vehicle: Vehicle, settings: Settings) -> tupl
     motions = measure_motions(log, vehicle, settings)
     if motions is None:
         return ()
-    return tuple(
-        entry for column in range(len(motions.windows.channels)) for entry in _of_channel(log, motions, column)
-    )
+    found = [entry for column in range(len(motions.windows.channels)) for entry in _of_channel(log, motions, column)]
+    return tuple(entry for entry in found if entry.episode is None or _is_no_stabilised_one(entry, found))
+
+
+def _is_no_stabilised_one(entry: Stillness, found: Sequence[Stillness]) -> bool:
+    """Whether a channel that stands still for a while is not one that is held level, or its sensor stands still."""
+    if entry.channel not in STABILISED:
+        return True
+    others = {name for sensor in OF_ONE_SENSOR if entry.channel in sensor for name in sensor} - set(STABILISED)
+    return any(other.channel in others and entry.is_with(other) for other in found)
 
 
 def hardly_moves(log: FlightLog, vehicle: Vehicle, settings: Settings) -> float | None:
@@ -154,8 +170,6 @@ def _of_channel(log: FlightLog, motions: Motions, column: int) -> Iterator[Still
     if still[has_samples].mean() >= WHOLE:
         if motions.stands(column, still):
             yield Stillness(name)
-        return
-    if name in STABILISED:
         return
     for number in np.unique(windows.number).tolist():
         rows, reached = np.flatnonzero(windows.number == number), -np.inf

@@ -19,7 +19,6 @@ OF_ALL = {  # what is said of everything that was measured
     HELD: "the vehicle does not move with its commands",
     NOTHING_FOLLOWS: "nothing that was measured follows the commands",
 }
-TOGETHER = 0.5  # of the shorter of two stretches, from which they are told as one
 NAMES = {
     ("x", "y"): "position", ("x",): "north position", ("y",): "east position", ("z",): "depth",
     ("roll", "pitch", "yaw"): "attitude", ("roll",): "roll", ("pitch",): "pitch", ("yaw",): "heading",
@@ -33,20 +32,22 @@ FREE = "whether the vehicle is in the water and free to move"
 
 
 def tell(still: Sequence[Stillness], whole: bool, episodes: int) -> tuple[Finding, ...]:
-    """A finding for each stretch in which channels stand still.
+    """A finding for all channels that stand still in the same stretches.
 
     Args:
         still: what stands still.
         whole: whether nothing else moves in these stretches.
         episodes: of the log: of one, its number is not told.
     """
-    return tuple(_finding(group, whole, episodes) for group in _groups(still))
+    together: dict[tuple[str, ...], list[Sequence[Stillness]]] = {}
+    for group in _groups(still):
+        together.setdefault(channels_of(group), []).append(group)
+    return tuple(_finding(channels, _when(groups, episodes), whole) for channels, groups in together.items())
 
 
 def tell_stands(held: Sequence[Stillness], episodes: int) -> tuple[Finding, ...]:
     """The finding about stretches in which every channel stands still; ``episodes`` as of the log."""
-    when = series(_when(group, episodes).strip() for group in _groups(held))
-    return (_motionless(STANDS, f"{when} ", channels_of(held)),)
+    return (_motionless(STANDS, _when(_groups(held), episodes), channels_of(held)),)
 
 
 def tell_held(share: float, channels: Iterable[str]) -> Finding:
@@ -140,7 +141,7 @@ def _groups(still: Sequence[Stillness]) -> list[list[Stillness]]:
     """What stands still at the same time, together."""
     groups: list[list[Stillness]] = []
     for entry in sorted(still, key=lambda one: (one.episode is not None, one.episode or 0, one.first_s)):
-        together = (group for group in groups if _at_once(group[0], entry))
+        together = (group for group in groups if group[0].is_with(entry))
         group = next(together, None)
         if group is None:
             groups.append([entry])
@@ -149,16 +150,7 @@ def _groups(still: Sequence[Stillness]) -> list[list[Stillness]]:
     return groups
 
 
-def _at_once(one: Stillness, other: Stillness) -> bool:
-    if one.episode != other.episode or one.channel == other.channel:
-        return False
-    shared = min(one.last_s, other.last_s) - max(one.first_s, other.first_s)
-    return one.episode is None or shared > TOGETHER * min(one.last_s - one.first_s, other.last_s - other.first_s)
-
-
-def _finding(group: Sequence[Stillness], whole: bool, episodes: int) -> Finding:
-    channels = channels_of(group)
-    when = _when(group, episodes)
+def _finding(channels: tuple[str, ...], when: str, whole: bool) -> Finding:
     if whole:
         return _motionless(NOTHING_MOVES, when, channels)
     name = named(channels)
@@ -180,9 +172,15 @@ def _motionless(code: str, when: str, channels: tuple[str, ...]) -> Finding:
     return Finding(Severity.WARNING, code, sentence, remedy, channels)
 
 
-def _when(group: Sequence[Stillness], episodes: int) -> str:
-    if group[0].episode is None:
-        return ""
-    first, last = max(entry.first_s for entry in group), min(entry.last_s for entry in group)
-    where = f" of episode {group[0].episode}" if episodes > 1 else ""
-    return f"from {first:.0f} s to {last:.0f} s{where} "
+def _when(groups: Sequence[Sequence[Stillness]], episodes: int) -> str:
+    """The stretches of groups in words, those of the same seconds of several episodes as one."""
+    alike: dict[str, list[int]] = {}
+    for group in groups:
+        if group[0].episode is None:
+            return ""
+        first, last = max(entry.first_s for entry in group), min(entry.last_s for entry in group)
+        alike.setdefault(f"from {first:.0f} s to {last:.0f} s", []).append(group[0].episode)
+    if episodes == 1:
+        return f"{series(alike)} "
+    named_episodes = (f"episode{'s'[: len(numbers) > 1]} {series(numbers)}" for numbers in alike.values())
+    return series(f"{when} of {which}" for when, which in zip(alike, named_episodes, strict=True)) + " "
