@@ -28,8 +28,8 @@ from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.flightlog import Finding, FlightLog, Severity, join
 from auv_torchrl.vehicle import Vehicle
 
-FOLLOWED_AGAIN = 0.75  # share of the work that is done when a log is followed along what was found
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
+FOLLOWED_AGAIN = 0.75  # share of the work that is done when a log is followed along what was found
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
 

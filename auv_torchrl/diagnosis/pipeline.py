@@ -78,11 +78,13 @@ def diagnose(
     test = [stretches_of(followable(unseen_log)) for unseen_log in test]
     given = Given(vehicle, tuple(healthy), settings, tuple(uncertainty), kept)
 
-    def once(log: FlightLog, begin: float, end: float, by: Given | None = None) -> tuple[Diagnosis, Found]:
-        unseen = [restricted(unseen_log, log.axes) for unseen_log in test]
-        return diagnose_answering(
-            log, unseen, by or given, lambda step, share: report(step, begin + (end - begin) * share), vehicle_name
-        )
+    def once(answering: FlightLog, begin: float, end: float, by: Given | None = None) -> tuple[Diagnosis, Found]:
+        unseen = [restricted(unseen_log, answering.axes) for unseen_log in test]
+
+        def part(step: str, share: float) -> None:
+            report(step, begin + (end - begin) * share)
+
+        return diagnose_answering(answering, unseen, by or given, part, vehicle_name)
 
     def unsearched() -> Diagnosis:
         bare = replace(given, healthy=(), uncertainty=(), settings=replace(settings, most_effects=0))

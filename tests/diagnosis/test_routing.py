@@ -207,6 +207,17 @@ def test_a_plug_takes_the_place_of_two_gains_that_do_the_same():
     assert found.best.explanation.values(vehicle, nuisance=False) == truth
 
 
+def test_a_reversed_plug_with_a_gain_of_minus_one_is_nothing():
+    """The two go together, and the plugs beside them stay: without one of the two much would be left."""
+    truth = {"thruster_swap": {"command_1": 2.0, "command_2": 1.0}}
+    vehicle = hold(HEAVY)
+    flown = fly(vehicle, truth, seed=2, episodes=2, seconds=20.0)
+    plugs = (Term("thruster_swap", (f"command_{i}",), j, True) for i, j in ((1, 2.0), (2, 1.0), (3, -3.0)))
+    begin = Explanation((*plugs, Term("thruster_gain", ("gain_3",), -1.0)))
+    _, found = searched(flown, vehicle, [begin])
+    assert found.best.explanation.values(vehicle, nuisance=False) == truth
+
+
 def test_a_vehicle_whose_plugs_are_exchanged_follows_its_commands():
     """Other thrusters do what is commanded; of poses that another flight had, no plugs make anything."""
     vehicle = hold(PAPER)

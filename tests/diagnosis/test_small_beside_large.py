@@ -15,16 +15,16 @@ from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.flights.cases import Case
 from benchmarks.blind.flights.fly import fly as sealed_flights
 
-PAPER, HEAVY = load_vehicle("paper"), load_vehicle("bluerov2_heavy")
+PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
 SETTINGS = load_settings()
 COUPLING = {"drag_coupling": {"drag_yaw_from_surge": -4.9}}
 
 
-def followed(log, vehicle=HELD):
+def followed(log):
     """A problem of a flight, and its windows followed."""
     return follow_windows(
-        Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), vehicle, SETTINGS)
+        Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), HELD, SETTINGS)
     )
 
 

@@ -225,17 +225,13 @@ def _inseparable(terms: Sequence[Term]) -> Iterator[list[int]]:
 
 
 def _of_one_thruster(terms: Sequence[Term]) -> Iterator[list[int]]:
-    """Places of values of a thruster that are of several effects, where those of its plug go alone."""
-    rings_of = [places for places in _inseparable(terms) if terms[places[0]].discrete]
-    for ring in rings_of if len(terms) > len(rings_of) else ():
-        numbers = {EFFECTS[terms[place].effect].thruster_of(terms[place].members[0]) for place in ring}
-        beside = [
-            place
-            for place, term in enumerate(terms)
-            if place not in ring and {EFFECTS[term.effect].thruster_of(member) for member in term.members} <= numbers
-        ]
-        if len(numbers) == 1 and beside:
-            yield sorted([*ring, *beside])
+    """Places of all values of a thruster whose plug stays where it is and is reversed, and of which more is said."""
+    of = [{EFFECTS[term.effect].thruster_of(member) for member in term.members} for term in terms]
+    for ring in _inseparable(terms):
+        if len(ring) == 1 and terms[ring[0]].discrete:
+            whole = [place for place, thrusters in enumerate(of) if thrusters == of[ring[0]]]
+            if len(whole) > 1:
+                yield whole
 
 
 def weighed(

@@ -238,12 +238,9 @@ class _EffectSearch(Search[Neighbour, Fit]):
         The noise is measured again under the first explanation that leaves little, and not again under every further
         one: whoever explains more would have less noise to explain.
         """
-        much = leaves_much(self._problem, best)
-        if much and not best.explanation.effects:
-            return best
+        if leaves_much(self._problem, best):
+            return fitted_on(self._problem, best) if best.explanation.effects else best
         fitted = fitted_on(self._problem, best)
-        if much:
-            return fitted
         anew = measure_noise(self._problem, fitted) if not self._is_noise_measured else self._problem
         self._is_noise_measured = True
         return fitted if anew is self._problem else self._under_other_noise(anew, best, fitted)

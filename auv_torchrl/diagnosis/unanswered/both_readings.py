@@ -43,20 +43,19 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
 
+# Of what is left without the other sensor, or by the best explanation of all: a false sensor outweighs faults.
+FAR_LESS = 0.1
+
 
 class Once(Protocol):
     """Explains a log as if all of its channels followed the vehicle."""
 
-    def __call__(self, log: FlightLog, begin: float, end: float, by: Given | None = None) -> tuple[Diagnosis, Found]:
-        """The diagnosis and the search of a log, by something else than what is given to all.
+    def __call__(self, log: FlightLog, begin: float, end: float, by: Given | None = None, /) -> tuple[Diagnosis, Found]:
+        """The diagnosis and the search of a log, ``by`` something else than what is given to all, where there is such.
 
         ``begin`` and ``end`` are the shares of the work between which it is done.
         """
         ...
-
-
-# Of what is left without the other sensor, or by the best explanation of all: a false sensor outweighs faults.
-FAR_LESS = 0.1
 
 
 def weigh_readings(log: FlightLog, given: Given, once: Once, unsearched: Callable[[], Diagnosis]) -> Diagnosis:

@@ -36,7 +36,7 @@ LEAST_S = 6.0  # of standing still, less of which is a pause
 WHOLE = 0.9  # of the windows, from which a channel stands still all along
 # Channels in which a vehicle stands still for a while because its autopilot, or its weight, holds it level
 STABILISED = ("roll", "pitch", "p", "q", *ACCELERATION)
-OF_ONE_SENSOR = ANGLES, ("p", "q", "r")  # where the third stands still at once, it is the sensor
+OF_ONE_SENSOR = ANGLES, ("p", "q", "r")  # where heading or yaw rate stands still at once, it is the sensor
 TOGETHER = 0.5  # of the shorter of two stretches, from which they are one
 AWAY = 4.0  # standard deviations from where a channel stood, beyond which it moves again,
 IN_A_ROW = 3  # with so many samples
@@ -123,15 +123,15 @@ def find_stillness(log: FlightLog, vehicle: Vehicle, settings: Settings) -> tupl
     if motions is None:
         return ()
     found = [entry for column in range(len(motions.windows.channels)) for entry in _of_channel(log, motions, column)]
-    return tuple(entry for entry in found if entry.episode is None or _is_no_stabilised_one(entry, found))
+    return tuple(entry for entry in found if not _is_held_level(entry, found))
 
 
-def _is_no_stabilised_one(entry: Stillness, found: Sequence[Stillness]) -> bool:
-    """Whether a channel that stands still for a while is not one that is held level, or its sensor stands still."""
-    if entry.channel not in STABILISED:
-        return True
+def _is_held_level(entry: Stillness, found: Sequence[Stillness]) -> bool:
+    """Whether a channel that stands still for a while may be held level: what else its sensor measures goes on."""
+    if entry.episode is None or entry.channel not in STABILISED:
+        return False
     others = {name for sensor in OF_ONE_SENSOR if entry.channel in sensor for name in sensor} - set(STABILISED)
-    return any(other.channel in others and entry.is_with(other) for other in found)
+    return not any(other.channel in others and entry.is_with(other) for other in found)
 
 
 def hardly_moves(log: FlightLog, vehicle: Vehicle, settings: Settings) -> float | None:

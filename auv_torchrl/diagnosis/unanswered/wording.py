@@ -182,5 +182,5 @@ def _when(groups: Sequence[Sequence[Stillness]], episodes: int) -> str:
         alike.setdefault(f"from {first:.0f} s to {last:.0f} s", []).append(group[0].episode)
     if episodes == 1:
         return f"{series(alike)} "
-    named_episodes = (f"episode{'s'[: len(numbers) > 1]} {series(numbers)}" for numbers in alike.values())
-    return series(f"{when} of {which}" for when, which in zip(alike, named_episodes, strict=True)) + " "
+    of = (f"{'episodes' if len(numbers) > 1 else 'episode'} {series(numbers)}" for numbers in alike.values())
+    return series(f"{when} of {which}" for when, which in zip(alike, of, strict=True)) + " "
