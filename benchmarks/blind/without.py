@@ -62,11 +62,7 @@ PARTS = {
     "search_thresholds": Part("values that are tried near by", ("identify.fit:search_thresholds",), given(1)),
     "named_plainly": Part("plainer names", ("identify.search:_EffectSearch._named_plainly",), given(1)),
     "search_valley": Part("values that move together", ("identify.fit:_search_valley",), given(1)),
-    "rescued": Part(
-        "fits begun again along the motion",
-        ("identify.search:rescued", "calibrate.flights:rescued"),
-        given(1),
-    ),
+    "without_small": Part("small values left out at once", ("identify.search:_EffectSearch._without_small",), given(1)),
     "fitted_on": Part(
         "fits that are fitted on", ("identify.search:fitted_on", "calibrate.flights:fitted_on"), given(1)
     ),
@@ -105,7 +101,7 @@ PARTS = {
 }
 
 # They acted on few logs and changed no answer; the next run prints no rows for them.
-DELETED = ("are_twins", "merged", "without_small")
+DELETED = ("are_twins", "merged", "rescued")
 
 
 def leave_out(part: Part) -> None:

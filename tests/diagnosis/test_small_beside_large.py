@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flown_logs import fly, hold
+from flown_logs import as_read, fly, hold
 
 from auv_torchrl.diagnosis import diagnose
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
@@ -14,6 +14,8 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.flights.cases import Case
 from benchmarks.blind.flights.fly import fly as sealed_flights
+from benchmarks.owners.acts import ACTS
+from benchmarks.owners.cases import draw_owner_cases
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
@@ -91,3 +93,12 @@ def test_no_window_is_lost_where_an_explanation_is_weighed_again(monkeypatch):
     monkeypatch.setattr(module, "nudge", flown_off)
     assert some_diverged(problem, flown_off(problem, coupling, fit.path))
     assert reassess(problem, fit).chi2 == pytest.approx(fit.chi2, abs=5.0)
+
+
+@pytest.mark.thorough
+def test_nothing_small_is_named_of_sound_thrusters_beside_one_that_creeps():
+    """Chi-square is rough where commands leave a dead band: neutrals of sound thrusters settle on its dents."""
+    heavy, (creeping, *_) = load_vehicle("bluerov2_heavy"), draw_owner_cases("stock", 15, 100)
+    ((log, label),) = sealed_flights([creeping], heavy, 100, ACTS)
+    (effect,) = diagnose(as_read(log, heavy), heavy).effects
+    assert effect.name == "neutral_offset" and set(effect.parameters) == {f"offset_{label['drawn']['thruster']}"}

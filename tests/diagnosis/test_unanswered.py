@@ -9,7 +9,7 @@ import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
-from auv_torchrl.diagnosis.identify.explanation import Explanation
+from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.motion.cut import cut_windows
@@ -288,7 +288,7 @@ def suspects(log):
     """Channels that may be of another source, the likeliest first."""
     heavy = load_vehicle("bluerov2_heavy")
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
-    return find_other_source(log, problem, Explanation(), SETTINGS)
+    return find_other_source(*follow_windows(problem))
 
 
 def test_the_thrust_does_not_show_in_a_channel_of_another_dive():
@@ -320,7 +320,7 @@ def test_a_false_channel_outweighs_what_a_file_has_wrong():
     other = changed(heavy, gain=heavy.gain / gain)  # the thruster that flew gives 0.75 times what this vehicle's does
     problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), other, SETTINGS)
     left = {}
-    for suspect in find_other_source(log, problem, Explanation(), SETTINGS):
+    for suspect in find_other_source(*follow_windows(problem)):
         others = without(log, [Stillness(name) for name in suspect.channels])
         if suspect.contradicts and others is not None:
             left[suspect.channels] = left_by(others, problem, SETTINGS)

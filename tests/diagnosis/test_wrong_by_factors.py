@@ -59,6 +59,18 @@ def test_an_overall_scale_is_found_and_changes_no_motion(factor):
     assert abs(np.log(ratio)) < 0.2 * abs(np.log(factor))
 
 
+def test_what_differs_between_flights_pulls_no_scale():
+    """A current, which no file states, leaves the restored vehicle where it is: a second restoration moves nothing."""
+    file = load_vehicle("bluerov2_heavy")
+    windows = cut_windows(fly(file, {}, episodes=1, seconds=5.0), SETTINGS.window_s, SETTINGS.lead_s)
+    nuisance = guess_nuisance(file, SETTINGS, load_uncertainty("bluerov2_heavy", file), windows)
+    flows = np.array([0.1 * (effect == "current") for effect, *_ in nuisance.entries])
+    assert flows.any()
+    once = restore_file_scale(VehicleEstimate.from_file(file, nuisance).shifted(flows))
+    (before, after) = ([entry[2] for entry in one.nuisance.entries] for one in (once, restore_file_scale(once)))
+    assert (np.abs(np.subtract(after, before)) <= 2e-2 * once.nuisance.width).all()
+
+
 @pytest.fixture(scope="module")
 def guess():
     """The file of the paper's vehicle as a guess."""

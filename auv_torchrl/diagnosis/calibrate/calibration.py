@@ -76,7 +76,8 @@ def draft(
     """
     log = join(healthy)
     windows = cut_windows(log, settings.window_s, settings.lead_s, settings.bin_s)
-    problem, path = follow_windows(Problem.of(windows, vehicle, settings))
+    some = windows.thinned(MOST_WINDOWS)
+    problem, path = follow_windows(Problem.of(some, vehicle, settings))
     nuisance = state_nuisance(vehicle, settings, windows.channels)
     problem, fit = _fit_nuisance(problem, nuisance, path, 1)
     flights, estimate = split_by_flight(healthy, windows), VehicleEstimate.from_file(vehicle, nuisance)
@@ -91,8 +92,8 @@ def draft(
         if file_excess <= settings.excess:
             return Draft(log, flights, estimate, prior, (), file_excess, flights_fit, *given)
     wrong_effects: tuple[str, ...] = ()
-    guess = approach(windows, vehicle, guess_nuisance(vehicle, settings, coefficients, windows))
-    problem, path = follow_windows(Problem.of(windows, guess.vehicle, settings))
+    guess = approach(some, vehicle, guess_nuisance(vehicle, settings, coefficients, windows))
+    problem, path = follow_windows(Problem.of(some, guess.vehicle, settings))
     problem, refitted = _fit_nuisance(problem, guess.nuisance, path, FITS)
     if refitted.excess < excess:
         covariance = hold_scale(_posterior_covariance(problem, refitted), guess)
@@ -115,7 +116,7 @@ def approach(windows: Windows, file: Vehicle, nuisance: NuisanceParameters) -> V
         nuisance: the uncertain numbers of the file.
     """
     coefficients = make_coefficients(nuisance.entries, file)
-    fitted = fit_coefficients(windows.thinned(MOST_WINDOWS), file, coefficients)
+    fitted = fit_coefficients(windows, file, coefficients)
     before = np.array([c.nominal for c in coefficients])
     near = VehicleEstimate.from_file(file, nuisance).updated(fitted.values - before, fitted.covariance)
     # Guesses are wrong by factors: a drag of 2 that is guessed within 1 and turns out to be 10 was guessed within 5.

@@ -12,8 +12,8 @@ import numpy as np
 from auv_torchrl.diagnosis.calibrate.parameters import VehicleEstimate
 from auv_torchrl.diagnosis.calibrate.scale_ambiguity import hold_scale
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, fitted_on, rescued
-from auv_torchrl.diagnosis.identify.following import follow_windows
+from auv_torchrl.diagnosis.identify.fit import fit_by_simulation, fitted_on
+from auv_torchrl.diagnosis.identify.following import follow_windows, followed_as_before
 from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import Fit, leaves_much, log_likelihood, nuisance_now
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
@@ -236,7 +236,10 @@ def fit_flights(
     prior = fitted_under = replace(prior, shrinks=None)  # of a vehicle with other numbers
     for turn in range(passes):
         prior = replace(prior, nuisance=estimate.nuisance.entries, nuisance_covariance=estimate.covariance)
-        now = tuple(fit_flight(own, estimate.vehicle, settings, prior) for own in flights)
+        before = fits or [None] * len(flights)
+        now = tuple(
+            fit_flight(own, estimate.vehicle, settings, prior, then) for own, then in zip(flights, before, strict=True)
+        )
         own_misfits = tuple((fit.chi2, fit.quadratic.numbers) for _, fit in now)
         first_excess = first_excess if turn else _per_number(own_misfits)
         if not misfits or not is_last and _per_number(own_misfits) < _per_number(misfits):
@@ -267,14 +270,22 @@ def fit_flights(
     return FlightsFit(estimate, prior, linearised, with_fixed, misfits, fits, information, first_excess)
 
 
-def fit_flight(windows: Windows, own: Vehicle, settings: Settings, prior: HealthyPrior) -> FlightFit:
+def fit_flight(
+    windows: Windows, own: Vehicle, settings: Settings, prior: HealthyPrior, before: FlightFit | None = None
+) -> FlightFit:
     """One flight under a vehicle that differs from it as flights do, by the nuisance parameters of ``prior``.
 
     A window that flew off under another flight's trim comes back once the trim of this flight is fitted. A lost window
-    would look like a disturbance that acts on a healthy vehicle.
+    would look like a disturbance that acts on a healthy vehicle. ``before`` is the fit under another vehicle, for which
+    the motion of the flight was measured.
     """
-    problem, path = follow_windows(Problem.of(windows, own, settings, prior))
-    fit = rescued(problem, fit_by_simulation(problem, Explanation(), path), path)
+    problem = Problem.of(windows, own, settings, prior)
+    if before is None:
+        problem, path = follow_windows(problem)
+    else:
+        path = before[1].path
+        problem = followed_as_before(problem, before[0], path)
+    fit = fit_by_simulation(problem, Explanation(), path)
     return problem, fitted_on(problem, fit) if leaves_much(problem, fit) else fit
 
 

@@ -97,7 +97,7 @@ def find_ambiguous_directions(vehicle: Vehicle, nuisance: Sequence[NuisanceEntry
     _, size, directions = np.linalg.svd(slopes[:, acts], full_matrices=False)
     unseen = directions[size < UNSEEN * size[0]]
     found = np.zeros((len(nuisance), len(unseen)))
-    found[acts] = unseen.T
+    found[acts] = np.where(np.abs(unseen) > UNSEEN, unseen, 0.0).T  # else a number of no width would pull by rounding
     return found * widths[:, None]
 
 

@@ -218,19 +218,6 @@ def fitted_on(problem: Problem, fit: Fit) -> Fit:
     return fit
 
 
-def rescued(problem: Problem, fit: Fit, follow: WindowPath, enough: float = np.inf) -> Fit:
-    """An explanation that leaves much, fitted again from what it does along the measured motion ``follow``.
-
-    Healthy flights make the disturbance that may act so small that a window in which the vehicle tilts elsewhere than
-    it seems can be lost, and with it the way of all the others.
-    """
-    if problem.known is None or not problem.layout.moves_unseen or not leaves_much(problem, fit):
-        return fit
-    begin = fit_along_motion(problem, replace(fit.explanation, nuisance={}), follow)
-    again = fit_by_simulation(problem, begin.explanation, follow, enough=enough)
-    return min(fit, again, key=lambda one: one.chi2)
-
-
 def _descend(problem: Problem, path: WindowPath, rounds: int) -> tuple[Fit, bool]:
     """Gauss-Newton with a shrinking stride, and whether its last round still gained much.
 

@@ -83,9 +83,23 @@ def follow_windows(problem: Problem, explanation: Explanation = NOTHING) -> tupl
     states = flown(actuate(problem.windows, vehicle), problem.layout, *_one_row(state)[:2])[1]
     path = WindowPath(explanation, vehicle, state, states[:, 0], problem.windows)
     problem = replace(problem, sigma=sigma, followed=followed, seen_start=state.start)
+    return _with_nuisance_of(problem, path), path
+
+
+def followed_as_before(problem: Problem, before: Problem, path: WindowPath) -> Problem:
+    """The problem of another vehicle, with what following the same windows has shown ``before``, and their path.
+
+    A wide force follows whatever the vehicle is, so that the motion, the outliers and the noise are the same.
+    """
+    shown = "windows", "layout", "sigma", "followed", "seen_start", "outlying"
+    return _with_nuisance_of(replace(problem, **{name: getattr(before, name) for name in shown}), path)
+
+
+def _with_nuisance_of(problem: Problem, path: WindowPath) -> Problem:
+    """The problem with the nuisance parameters of which its windows tell, and the size of their force."""
     if problem.known is not None:
         problem = hold_unseen(problem, problem.known, path)
-    return replace(problem, nuisance_size=force_of_nuisance(problem, path)), path
+    return replace(problem, nuisance_size=force_of_nuisance(problem, path))
 
 
 def _are_followed(problem: Problem, vehicle: Vehicle, state: Smoothed) -> np.ndarray:

@@ -137,7 +137,7 @@ class Neighbourhood:
         return [one for _, one in sorted(found, key=lambda pair: -pair[0])]
 
     def smaller(self) -> list[Proposal[Neighbour]]:
-        """Without one value, one effect or all that is said of one thruster, unless the quadratic excludes that.
+        """Without one value or one effect, unless the quadratic excludes that.
 
         The quadratic of the best fit says nothing of discrete values: these go by themselves.
         """
@@ -145,14 +145,13 @@ class Neighbourhood:
         parts = {tuple(places) for places in _inseparable(terms)}
         effects = self.best.explanation.effects
         parts |= {tuple(p for p, term in enumerate(terms) if term.effect == name) for name in effects}
-        parts |= {tuple(places) for places in _of_one_thruster(terms)}
-        found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self._without(one) for one in sorted(parts)}
+        found: dict[tuple[int, ...], Proposal[Neighbour]] = {one: self.less(one) for one in sorted(parts)}
         untold = {places for places in found if any(terms[place].discrete for place in places)}
         together: tuple[int, ...] = ()  # what may go at once, the least needed first
         for places in sorted(found, key=lambda places: -promise(found[places])):
             if promise(found[places]) > here and places not in untold:
                 more: tuple[int, ...] = tuple(sorted({*together, *places}))
-                found[more] = self._without(more)
+                found[more] = self.less(more)
                 together = more if promise(found[more]) > here else together
         told = [together] if len(together) > 1 else sorted(parts - untold)
         proposals = [found[places] for places in (*told, *sorted(untold))]
@@ -160,19 +159,16 @@ class Neighbourhood:
         likely = [one for one in proposals if promise(one) > least and not self.is_known(one)]
         return sorted(likely, key=promise, reverse=True)[:SIMULATED]
 
-    def _without(self, places: tuple[int, ...]) -> Proposal[Neighbour]:
+    def less(self, places: Sequence[int]) -> Proposal[Neighbour]:
         """Without the values at some places of the best fit."""
         terms = self.best.explanation.terms
         smaller, rise = without(self.problem, self.best, places)
         gone = [f"{terms[place].effect} {terms[place].members[0]}" for place in places]
         how = f"without {_words(gone) if len(gone) < 3 else counted(len(gone), 'value')}"
-        return self._fewer(smaller, rise, how)
-
-    def _fewer(self, explanation: Explanation, rise: float, how: str) -> Proposal[Neighbour]:
         prior = self.problem.prior
-        gain = prior.structure(explanation) - prior.structure(self.best.explanation) - 0.5 * rise
+        gain = prior.structure(smaller) - prior.structure(self.best.explanation) - 0.5 * rise
         misfit = (self.best.chi2 + rise) / self.best.quadratic.numbers  # of all windows, followed or not
-        return self._proposal(Neighbour(explanation, self.best.path), gain, misfit, how)
+        return self._proposal(Neighbour(smaller, self.best.path), gain, misfit, how)
 
     def exchanged(self) -> list[Proposal[Neighbour]]:
         """With the likeliest other effect in place of one of several, or with plugs in place of several."""
@@ -222,16 +218,6 @@ def _inseparable(terms: Sequence[Term]) -> Iterator[list[int]]:
         giver = giver_of([term for term in terms if term.effect == effect])
         places = {n: place for place, term in enumerate(terms) if term.effect == effect for n in giver_of([term])}
         yield from ([places[number] for number in ring if number in places] for ring in rings(giver))
-
-
-def _of_one_thruster(terms: Sequence[Term]) -> Iterator[list[int]]:
-    """Places of all values of a thruster whose plug stays where it is and is reversed, and of which more is said."""
-    of = [{EFFECTS[term.effect].thruster_of(member) for member in term.members} for term in terms]
-    for ring in _inseparable(terms):
-        if len(ring) == 1 and terms[ring[0]].discrete:
-            whole = [place for place, thrusters in enumerate(of) if thrusters == of[ring[0]]]
-            if len(whole) > 1:
-                yield whole
 
 
 def weighed(

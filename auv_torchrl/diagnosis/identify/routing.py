@@ -8,7 +8,8 @@ signs, are tried on the same quadratic until none is better.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -18,6 +19,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation, Term, exchan
 from auv_torchrl.diagnosis.identify.paths import WindowPath, nuisance_now, quadratic, without_nuisance
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Screened
+from auv_torchrl.diagnosis.motion.reduce import Quadratic
 from auv_torchrl.diagnosis.motion.windows import Floats
 from auv_torchrl.diagnosis.thresholds import ONE_MORE_VALUE
 from auv_torchrl.effects.actuation import thruster_gain, thruster_swap
@@ -83,15 +85,19 @@ def propose_routing(problem: Problem, follow: WindowPath, around: Explanation) -
     if n < 2 or not set(mine) <= {candidate.effect for candidate in problem.candidates}:
         return None
     even = _even(problem.vehicle)
-    constant, g, H = _of_entries(problem, follow, rest, even)
-    if not np.isfinite(H).all() or not np.isfinite(g).all():
+    changes, amounts = _changes(even)
+    changed = [Explanation((*rest.terms, change)) for change in changes]
+    elsewhere = None if rest == follow.explanation else rest
+    q = quadratic(problem, follow, changed, elsewhere, chosen=problem.followed)
+    entries = _of_entries(problem, q, rest, amounts)
+    if not np.isfinite(entries.H).all() or not np.isfinite(entries.g).all():
         return None
-    best = _likeliest(g, H, n)
+    error = max(1.0, entries.chi2(entries.least) / max(q.numbers, 1))
+    best = _likeliest(_of_entries(problem, q, rest, amounts, error), n, error * A_PLUG)
     if not best.plugs:
         return None
-    terms, d = best.terms(even), best.departure
+    terms, chi2, H = best.terms(even), entries.chi2(best.departure), entries.H
     explanation = Explanation((*rest.terms, *terms))
-    chi2 = constant - 2 * float(g @ d) + float(d @ H @ d)
     gains = [int(member.rsplit("_", 1)[1]) for term in terms if not term.discrete for member in term.members]
     places = [n * (i - 1) + int(best.giver[i - 1]) for i in gains]
     widths = np.array([problem.prior.width(thruster_gain.name, _gain(i)) for i in gains])
@@ -114,21 +120,37 @@ def _gain(thruster: int) -> str:
     return f"{thruster_gain.parameters[0].name}_{thruster}"
 
 
-def _of_entries(
-    problem: Problem, follow: WindowPath, rest: Explanation, even: Sequence[bool]
-) -> tuple[float, Floats, Floats]:
+@dataclass(frozen=True)
+class _Entries:
     """Chi-square ``constant - 2 g d + d H d`` of the departure ``d`` (2 n n,) of a routing."""
-    changes, amounts = _changes(even)
-    around = None if rest == follow.explanation else rest
-    q = quadratic(
-        problem, follow, [Explanation((*rest.terms, change)) for change in changes], around, chosen=problem.followed
-    )
-    b, A = without_nuisance(problem, q, rest)
-    k, precision = len(problem.nuisance), problem.nuisance_precision
-    at = nuisance_now(problem, rest)
+
+    constant: float
+    g: Floats
+    H: Floats
+
+    def chi2(self, d: Floats) -> float:
+        """Chi-square of a departure (2 n n,)."""
+        return self.constant - 2 * float(self.g @ d) + float(d @ self.H @ d)
+
+    @cached_property
+    def least(self) -> Floats:
+        """The departure (2 n n,) that least squares find, held a little so that all is determined."""
+        return np.linalg.solve(self.H + np.eye(len(self.g)), self.g)
+
+
+def _of_entries(problem: Problem, q: Quadratic, rest: Explanation, amounts: Floats, error: float = 1.0) -> _Entries:
+    """Chi-square of entries, by the quadratic of changes and their ``amounts``.
+
+    ``error`` is how many times the variance of the noise all errors have that no entry explains. If they counted as
+    noise, nuisance parameters would make up for them, and plugs would be told that are not there.
+    """
+    wide = replace(problem, nuisance_precision=error * problem.nuisance_precision)
+    b, A = without_nuisance(wide, q, rest)
+    k, precision = len(wide.nuisance), wide.nuisance_precision
+    at = nuisance_now(wide, rest)
     pull = q.b[:k] - precision @ at
     constant = q.constant + float(at @ precision @ at) - float(pull @ np.linalg.solve(q.A[:k, :k] + precision, pull))
-    return constant, amounts.T @ b, amounts.T @ A @ amounts
+    return _Entries(constant, amounts.T @ b, amounts.T @ A @ amounts)
 
 
 def _changes(even: Sequence[bool]) -> tuple[list[Term], Floats]:
@@ -150,34 +172,35 @@ def _changes(even: Sequence[bool]) -> tuple[list[Term], Floats]:
     return changes, columns[: len(changes)].reshape(len(changes), -1)
 
 
-def _likeliest(g: Floats, H: Floats, n: int) -> Routing:
+def _likeliest(entries: _Entries, n: int, a_plug: float = A_PLUG) -> Routing:
     """The permutation with signs that has the least chi-square, what each plug costs included."""
     from scipy.optimize import linear_sum_assignment  # here: few logs come to it, and it takes long to import
 
-    ahead, opposite = np.linalg.solve(H + np.eye(len(g)), g).reshape(2, n, n)
-    entries = np.eye(n) + ahead - opposite
-    _, giver = linear_sum_assignment(-np.abs(entries))
-    rounded = Routing(giver, np.where(entries[np.arange(n), giver] < 0, -1.0, 1.0))
+    ahead, opposite = entries.least.reshape(2, n, n)
+    matrix = np.eye(n) + ahead - opposite
+    _, giver = linear_sum_assignment(-np.abs(matrix))
+    rounded = Routing(giver, np.where(matrix[np.arange(n), giver] < 0, -1.0, 1.0))
     rng = np.random.default_rng(0)
     starts = [rounded, Routing(np.arange(n), np.ones(n))]
     starts += [Routing(rng.permutation(n), np.ones(n)) for _ in range(STARTS)]
-    return min((_descend(g, H, start) for start in starts), key=lambda one: _cost(g, H, [one])[0])
+    ends = (_descend(entries, start, a_plug) for start in starts)
+    return min(ends, key=lambda one: _cost(entries, [one], a_plug)[0])
 
 
-def _descend(g: Floats, H: Floats, routing: Routing) -> Routing:
-    (cost,) = _cost(g, H, [routing])
+def _descend(entries: _Entries, routing: Routing, a_plug: float) -> Routing:
+    (cost,) = _cost(entries, [routing], a_plug)
     while True:
         around = list(routing.neighbours())
-        costs = _cost(g, H, around)
+        costs = _cost(entries, around, a_plug)
         if not costs.min() < cost:
             return routing
         routing, cost = around[int(costs.argmin())], costs.min()
 
 
-def _cost(g: Floats, H: Floats, routings: Sequence[Routing]) -> Floats:
-    """(R,) chi-square less a constant."""
+def _cost(entries: _Entries, routings: Sequence[Routing], a_plug: float) -> Floats:
+    """(R,) chi-square less a constant, with what plugs cost."""
     d = np.stack([one.departure for one in routings])
-    return ((d @ H) * d).sum(-1) - 2 * d @ g + A_PLUG * np.array([one.plugs for one in routings])
+    return ((d @ entries.H) * d).sum(-1) - 2 * d @ entries.g + a_plug * np.array([one.plugs for one in routings])
 
 
 def _replaced(values: np.ndarray, places: list[int], new: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from auv_torchrl.diagnosis.identify.fit import (
     fitted_on,
     measure_noise,
     reassess,
-    rescued,
 )
 from auv_torchrl.diagnosis.identify.hypotheses import plainer_names
 from auv_torchrl.diagnosis.identify.neighbours import Key, Neighbour, Neighbourhood, promise, weighed
@@ -27,6 +26,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.sure import likeliest
 from auv_torchrl.diagnosis.thresholds import (
+    CLOSES,
     CONTENDS,
     FAR_BEHIND,
     FAULT_KNOWN,
@@ -91,6 +91,11 @@ class Unknown:
 
     at_first: float = -np.inf  # before any effect was simulated
     later: float = -np.inf
+
+
+def outdoes(unknown: float, best: Fit) -> bool:
+    """Whether something unknown, by its log evidence, closes as much of what a fit leaves as one more effect had to."""
+    return unknown > best.evidence + CLOSES * max(0.0, best.chi2 - best.quadratic.numbers) / 2
 
 
 def nothing_unknown(problem: Problem, follow: WindowPath) -> Unknown:
@@ -162,13 +167,12 @@ class _EffectSearch(Search[Neighbour, Fit]):
             best = max(best, alone or best, key=self.posterior)
         best = self.climb(self.settle(best))
         if not best.explanation.effects and not best.explanation.nuisance:  # nothing else kept what it promised
-            fitted = fit_by_simulation(self._problem, Explanation(), self._follow)
-            self.exchange(best, fitted := rescued(self._problem, fitted, self._follow))
+            self.exchange(best, fitted := fit_by_simulation(self._problem, Explanation(), self._follow))
             outdone = any(record.outcome is Outcome.OUTDONE for record in self.records)
             best = self.settle(fitted) if outdone else self.climb(self.settle(fitted))
         if further and best.explanation.effects and leaves_much(self._problem, best):
             best = self._begun_elsewhere(best)
-        best = self._named_plainly(best)
+        best = self._without_small(self._named_plainly(best))
         nothing = [one for one in self.fits if not one.explanation.effects]
         none, trace = max(nothing, key=self.posterior), self.trace(best)
         self._problem.freedoms.clear()
@@ -210,6 +214,8 @@ class _EffectSearch(Search[Neighbour, Fit]):
         for place, one in enumerate(self.fits):  # slopes of what is far behind would fill the memory
             if one.explanation.effects and self.posterior(one) < self.posterior(best) - CONTENDS:
                 self.fits[place] = one.set_aside()
+        if way is Way.SMALLER and outdoes(self._unknown.later, best):  # no smaller part of it will be named
+            return []
         around = self._around(best, self.posterior(best))
         return {Way.LARGER: around.larger, Way.SMALLER: around.smaller, Way.EXCHANGED: around.exchanged}[way]()
 
@@ -230,7 +236,9 @@ class _EffectSearch(Search[Neighbour, Fit]):
         if not fitted.explanation.effects or not np.isfinite(fitted.chi2):
             return False
         sound = any(not one.explanation.effects and nuisance_does(self._problem, one) for one in self.fits)
-        return sound and bool(_small(self._problem, fitted))
+        terms, effects = likeliest(self._problem, fitted).terms, fitted.explanation.effects
+        each = [[term for term in terms if term.effect == effect] for effect in effects]
+        return sound and bool(_are_small(self._problem, each, fitted.path).any())
 
     def settled(self, best: Fit) -> Fit:
         """See :meth:`Search.settled`; a vehicle without effects that leaves much is on its way to one with some.
@@ -250,13 +258,11 @@ class _EffectSearch(Search[Neighbour, Fit]):
         problem, none, numbers = self._problem, self._field.none(), self._field.quadratic.numbers
         least = min((one.chi2 for one in self._field.families()), default=np.inf)
         hopeless = least < HOPELESS * none.chi2 and none.chi2 > NEAR * numbers
-        fitted = fit_by_simulation(problem, Explanation(), self._follow, rounds=0 if hopeless else 4)
-        return fitted if hopeless else rescued(problem, fitted, self._follow)
+        return fit_by_simulation(problem, Explanation(), self._follow, rounds=0 if hopeless else 4)
 
     def _fitted(self, what: Neighbour) -> Fit:
         enough = FAR_BEHIND * min(one.chi2 for one in self.fits)
         fitted = fit_by_simulation(self._problem, what.explanation, what.path, enough=enough)
-        fitted = rescued(self._problem, fitted, self._follow, enough)
         self._tried.setdefault(what.key, []).append(self.posterior(fitted))
         return fitted
 
@@ -297,10 +303,27 @@ class _EffectSearch(Search[Neighbour, Fit]):
         self.ways = (Way.SMALLER,)
         return self.climb(renamed)
 
+    def _without_small(self, best: Fit) -> Fit:
+        """The same less all values at once whose force is small, if that is likelier.
 
-def _small(problem: Problem, fitted: Fit) -> list[str]:
-    """Effects whose force is small beside that of nuisance parameters."""
-    terms, effects = likeliest(problem, fitted).terms, fitted.explanation.effects
-    each = [Explanation(tuple(term for term in terms if term.effect == effect)) for effect in effects]
-    small = sizes(problem, each, fitted.path) < MINOR * problem.nuisance_size
-    return [effect for effect, is_small in zip(effects, small, strict=True) if is_small]
+        Where chi-square is rough, small values of other thrusters settle on its dents, and each by itself looks needed.
+        """
+        if outdoes(self._unknown.later, best):
+            return best
+        terms = best.explanation.terms
+        small = _are_small(self._problem, [[term] for term in terms], best.path)
+        places = [place for place, is_small in enumerate(small) if is_small and not terms[place].discrete]
+        if len(places) < 2 or len(places) == len(terms):
+            return best
+        less = self._around(best, self.posterior(best)).less(places)
+        fitted = self.fit(less, best)
+        is_better = self.posterior(fitted) > self.posterior(best)
+        self.note(fitted, less.promised.proposed, Outcome.FEWER if is_better else Outcome.NEEDED)
+        return self.settle(fitted) if is_better else best
+
+
+def _are_small(problem: Problem, each: Sequence[Sequence[Term]], path: WindowPath) -> np.ndarray:
+    """Which terms, taken together, make a force that is small beside that of nuisance parameters."""
+    made = sizes(problem, [Explanation(tuple(terms)) for terms in each], path)
+    small: np.ndarray = made < MINOR * problem.nuisance_size
+    return small

@@ -18,7 +18,7 @@ from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, batch
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
-from auv_torchrl.diagnosis.identify.search import Found, Unknown
+from auv_torchrl.diagnosis.identify.search import Found, Unknown, outdoes
 from auv_torchrl.diagnosis.localize.attribute import on_grid, quadratics
 from auv_torchrl.diagnosis.localize.moments import Moments, changing_thruster
 from auv_torchrl.diagnosis.motion.actuation import coefficients
@@ -195,6 +195,5 @@ def is_unlike(found: Found, settings: Settings) -> bool:
 
 def _likelier(found: Found) -> Unlike | None:
     """Such a thruster, where it closes as much more of what effects leave as one more effect had to."""
-    unlike, best = unlike_thruster(found.problem, found.follow), found.best
-    worth = best.evidence + CLOSES * max(0.0, best.chi2 - best.quadratic.numbers) / 2
-    return unlike if unlike is not None and unlike.evidence > worth else None
+    unlike = unlike_thruster(found.problem, found.follow)
+    return unlike if unlike is not None and outdoes(unlike.evidence, found.best) else None

@@ -17,7 +17,14 @@ from auv_torchrl.diagnosis.identify.routing import propose_routing
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.held import beside, find_held
-from auv_torchrl.diagnosis.unanswered.other_source import blamed, find_other_source, left_by, share_of_held
+from auv_torchrl.diagnosis.unanswered.other_source import (
+    Suspect,
+    blamed,
+    find_other_source,
+    in_all_flight,
+    left_by,
+    share_of_held,
+)
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, standing
 from auv_torchrl.diagnosis.unanswered.weigh import explained_better, unexplained_by, without
 from auv_torchrl.diagnosis.unanswered.wording import (
@@ -118,20 +125,23 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
     """
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
+
+    def stretches(suspect: Suspect) -> tuple[Stillness, ...]:
+        return in_all_flight(suspect, log, found.problem, found.follow.explanation, given.settings).stretches
+
     contradict: list[tuple[float, FlightLog, tuple[Finding, ...]]] = []
-    for suspect in find_other_source(log, found.problem, found.follow.explanation, given.settings):
+    for suspect in find_other_source(found.problem, found.follow):
         if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
-            return _alone(logged, tell_other_source(suspect.stretches, len(log.episodes), whole=True))
+            return _alone(logged, tell_other_source(stretches(suspect), len(log.episodes), whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
             continue
-        silent = tell_other_source(blamed(suspect.stretches), len(log.episodes))
         left = left_by(others, found.problem, given.settings)
-        if left.is_nothing:
-            return _alone(logged, silent)
-        rest = _explained(others, suspect.contradicts, given, once) if given.is_guess else None
-        if rest is not None:  # by a file that was corrected anew
-            return _beside(rest, logged, silent)
+        by_a_file = given.is_guess and not left.is_nothing
+        rest = _explained(others, suspect.contradicts, given, once) if by_a_file else None
+        if left.is_nothing or rest is not None:
+            silent = tell_other_source(blamed(stretches(suspect)), len(log.episodes))
+            return _beside(rest, logged, silent) if rest else _alone(logged, silent)
         if suspect.contradicts and not given.is_guess:
             contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
     return _beside_the_false_one(contradict, logged, found, given, once)

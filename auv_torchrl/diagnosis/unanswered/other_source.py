@@ -61,17 +61,27 @@ class Suspect:
         return channels_of(self.stretches)
 
 
-def find_other_source(log: FlightLog, problem: Problem, sensor: Explanation, settings: Settings) -> tuple[Suspect, ...]:
+def find_other_source(problem: Problem, follow: WindowPath) -> tuple[Suspect, ...]:
     """Channels that may be of another source, the likeliest first.
 
     Args:
-        log: with held-out flight.
         problem: with the vehicle as the file or healthy flights know it.
-        sensor: the change of a sensor under which the log was followed, or none.
-        settings: of the diagnosis.
+        follow: the measured motion.
     """
-    own, follow = follow_windows(_cut(log, problem, settings), sensor)
-    return (*_contradicted(own), *_unmoved(own, follow))
+    return (*_contradicted(problem), *_unmoved(problem, follow))
+
+
+def in_all_flight(
+    suspect: Suspect, log: FlightLog, problem: Problem, sensor: Explanation, settings: Settings
+) -> Suspect:
+    """A suspect of a part of a log, with the stretches of held-out flight, too.
+
+    ``sensor`` is the change of a sensor under which that part was followed, or none.
+    """
+    if suspect.contradicts:  # then it does all along
+        return suspect
+    everywhere = find_other_source(*follow_windows(_cut(log, problem, settings), sensor))
+    return next((one for one in everywhere if one.channels == suspect.channels), suspect)
 
 
 def _contradicted(problem: Problem) -> Iterator[Suspect]:
