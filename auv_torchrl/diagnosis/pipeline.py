@@ -137,7 +137,7 @@ def findings_on(log: FlightLog, vehicle: Vehicle, explained: Explained) -> tuple
         *vetoes(explained.vetoed),
         *share_findings(problem.windows, explained.learnt),
         *quiet_findings(problem),
-        *outlier_findings(problem),
+        *outlier_findings(problem, explained.found.best),
         *steep_stretches(log),
         noise_finding(problem),
     )

@@ -9,7 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_torchrl.diagnosis.identify.paths import Fit
 from auv_torchrl.diagnosis.identify.problem import Problem
+from auv_torchrl.diagnosis.motion.smooth import noise_per_sample
+from auv_torchrl.diagnosis.thresholds import OUTLIER
 from auv_torchrl.diagnosis.verdict import Diagnosis, FoundEffect, Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.flightlog import Finding, FlightLog, Severity
@@ -52,13 +55,22 @@ def quiet_findings(problem: Problem) -> tuple[Finding, ...]:
     return (Finding(Severity.WARNING, "no_noise", sentence, "Log what the sensors say", quiet, limits=True),)
 
 
-def outlier_findings(problem: Problem) -> tuple[Finding, ...]:
-    """A warning about samples that were given less weight because no force on the vehicle could have reached them."""
-    if sum(problem.outlying.values()) < OUTLYING * problem.windows.numbers:
+def outlier_findings(problem: Problem, best: Fit) -> tuple[Finding, ...]:
+    """A warning about samples that count less because no slow force, nor what explains the log, could have made them.
+
+    A vehicle that tumbles turns faster than a slow force lets the nominal one turn: its samples are sound.
+    """
+    windows, given = problem.windows, problem.given.trust
+    counts_less = windows.trust < given
+    share = np.where(counts_less, windows.trust, 1.0) / np.where(counts_less, given, 1.0)
+    far = np.abs(best.path.state.residual) / noise_per_sample(windows, problem.sigma)
+    off = counts_less & ~(far.reshape(given.shape) < OUTLIER * share)
+    counts = {name: int(count) for name, count in zip(windows.channels, off.sum((0, 1)), strict=True) if count}
+    if sum(counts.values()) < OUTLYING * windows.numbers:
         return ()
-    counts = ", ".join(f"{count} of {name}" for name, count in problem.outlying.items())
-    sentence = f"some values lie off every path that forces could have made ({counts}); they count less"
-    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(problem.outlying)),)
+    named = ", ".join(f"{count} of {name}" for name, count in counts.items())
+    sentence = f"some values lie off every path that forces could have made ({named}); they count less"
+    return (Finding(Severity.WARNING, "outliers", sentence, "Check the sensor", tuple(counts)),)
 
 
 def measured_noise(sigma: dict[str, float]) -> dict[str, float]:
