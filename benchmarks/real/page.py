@@ -141,7 +141,9 @@ SECTIONS: Sequence[Section] = (
         "ardusub, with a wrong file and a sound flight",
         (
             f"The same, started from `vehicle={WRONG}`, which is wrong about this vehicle by factors. The stock "
-            "flights have no position sensor, and stand on the sea floor for most of their time."
+            "flights have no position sensor, and stand on the sea floor for most of their time. No motion tells how heavy "
+            "a vehicle is, only how large its forces are beside its mass: of a file with 13.5 kg for 10.5 kg all forces "
+            "come out larger, the buoyancy too. Its interval holds the truth."
         ),
         f"{_ARDUSUB} --healthy --vehicle {WRONG}",
         Flights(ardusub.CASES, WRONG),
