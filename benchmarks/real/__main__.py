@@ -60,6 +60,11 @@ What corrects the file of the vehicle is not listed under *named*; *p* is the pr
 """
 
 
+def about(section: Section) -> str:
+    """What the page says of a section ahead of its table."""
+    return wrapped(f"{section.about} `{section.command}` prints this table alone.")
+
+
 def wrapped(text: str) -> str:
     """Text in lines."""
     return textwrap.fill(text, 118, break_long_words=False, break_on_hyphens=False)
@@ -127,8 +132,9 @@ def main() -> None:
             published.publish(PAGE, section.name, table, own, commit)
             continue
         line = provenance.made_by(COMMAND, commit) if options.publish else ""
-        about = wrapped(f"{section.about} `{section.command}` prints this table alone.")
-        page.append("\n\n".join([f"## {section.title}", about, begin, *([line] if line else []), table, end]) + "\n")
+        page.append(
+            "\n\n".join([f"## {section.title}", about(section), begin, *([line] if line else []), table, end]) + "\n"
+        )
         if not options.publish:
             print(page[-1], flush=True)
     if options.publish and not options.parts:

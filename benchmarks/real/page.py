@@ -209,8 +209,9 @@ SECTIONS: Sequence[Section] = (
             "refused as such in one line, or said not to move; of a dive no thruster is called dead and no alarm is "
             "raised that neither notes nor parameters bear; that no cause is found is no error. *Called dead*: with a "
             "probability of one half or more, less than 0.3 of what the others give, or said to answer no command. On "
-            "2023-10-18 the firmware's own test sets MOT_1, 2 and 4_DIRECTION to -1 in flight. The last row follows "
-            "all logs as dives, with the first four as the reference; the default of three holds no dive at all. "
+            "2023-10-18 the firmware's own test sets MOT_1, 2 and 4_DIRECTION to -1 in flight, so that one of these "
+            "thrusters pushes otherwise than the file says is no alarm. The last row follows all logs as dives, with "
+            "the first four as the reference; the default of three holds no dive at all. "
             "*Found* is what the answer names, be it as the reason of a refusal: with one dive in twelve months that "
             "can be used behind it, monitoring itself is not tried."
         ),

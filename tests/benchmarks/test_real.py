@@ -146,6 +146,12 @@ def test_the_page_is_written_whole_with_commit_and_rows_that_its_registry_knows(
     assert list(problems("real.md", text, TABLES, lambda commit, paths: 0)) == []
 
 
+@pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.name)
+def test_the_page_says_nothing_by_hand(section):
+    """Ahead of each table stands what the program that writes the page says of it."""
+    assert page.about(section) in page.PAGE.read_text(encoding="utf-8")
+
+
 def test_a_packed_flight_is_read(tmp_path, monkeypatch):
     """A log that ends in .xz is unpacked for the reader, and nothing is left of it."""
     (tmp_path / "dive.BIN.xz").write_bytes(lzma.compress(b"a flight"))
