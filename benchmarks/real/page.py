@@ -143,9 +143,8 @@ SECTIONS: Sequence[Section] = (
             f"The same, started from `vehicle={WRONG}`, which is wrong about this vehicle by factors. The stock "
             "flights have no position sensor, and stand on the sea floor for most of their time. No motion tells how "
             "heavy a vehicle is, only how large its forces are beside its mass: of a file with 13.5 kg for 10.5 kg "
-            "all forces come out larger, the buoyancy too. Its interval holds the truth. ArduSub's thrusters push "
-            "as hard both ways: that one gets the opposite of its command (`thruster_swap`, -1) and that its gain is "
-            "-1 are the same vehicle."
+            "all forces come out larger, the buoyancy too. ArduSub's thrusters push as hard both ways: that one gets "
+            "the opposite of its command (`thruster_swap`, -1) and that its gain is -1 are the same vehicle."
         ),
         f"{_ARDUSUB} --healthy --vehicle {WRONG}",
         Flights(ardusub.CASES, WRONG),

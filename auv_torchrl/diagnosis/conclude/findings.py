@@ -60,11 +60,10 @@ def outlier_findings(problem: Problem, best: Fit) -> tuple[Finding, ...]:
 
     A vehicle that tumbles turns faster than a slow force lets the nominal one turn: its samples are sound.
     """
-    windows, given = problem.windows, problem.given.trust
-    counts_less = windows.trust < given
-    share = np.where(counts_less, windows.trust, 1.0) / np.where(counts_less, given, 1.0)
+    windows, outlying = problem.windows, problem.outlying
+    lowered = np.divide(windows.trust, problem.given.trust, out=np.ones(outlying.shape), where=outlying)
     far = np.abs(best.path.state.residual) / noise_per_sample(windows, problem.sigma)
-    off = counts_less & ~(far.reshape(given.shape) < OUTLIER * share)
+    off = outlying & ~(far.reshape(outlying.shape) < OUTLIER * lowered)
     counts = {name: int(count) for name, count in zip(windows.channels, off.sum((0, 1)), strict=True) if count}
     if sum(counts.values()) < OUTLYING * windows.numbers:
         return ()

@@ -91,7 +91,7 @@ def followed_as_before(problem: Problem, before: Problem, path: WindowPath) -> P
 
     A wide force follows whatever the vehicle is, so that the motion, the outliers and the noise are the same.
     """
-    shown = "windows", "layout", "sigma", "followed", "seen_start", "outlying"
+    shown = "windows", "layout", "sigma", "followed", "seen_start"
     return _with_nuisance_of(replace(problem, **{name: getattr(before, name) for name in shown}), path)
 
 
@@ -127,12 +127,10 @@ def _weigh_outliers(problem: Problem, vehicle: Vehicle, state: Smoothed) -> tupl
     far = np.where(np.isfinite(far), far, 0.0)
     some = (far > OUTLIER).any(1) & ((far > OUTLIER).mean(1) < MANY_OUTLIERS)
     if not some.any():
-        return replace(problem, outlying={}), state
+        return problem, state
     factor = (OUTLIER / np.maximum(far, OUTLIER)) ** 2
     factor = np.where(some[:, None], factor, 1.0).reshape(windows.trust.shape)
-    counts = (factor < 1).sum((0, 1))
-    outlying = {name: int(count) for name, count in zip(windows.channels, counts, strict=True) if count}
-    problem = replace(problem, windows=replace(windows, trust=windows.trust * factor), outlying=outlying)
+    problem = replace(problem, windows=replace(windows, trust=windows.trust * factor))
     again = follow_freely(problem, problem.windows.subset(some), vehicle)
     return problem, replaced(problem.windows, vehicle, problem.layout, state, some, again)
 

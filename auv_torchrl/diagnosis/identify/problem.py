@@ -100,7 +100,6 @@ class Problem:
     sigma: dict[str, float]  # by channel, standard deviation of the sensor noise
     followed: np.ndarray  # (W,) bool: windows in which the motion is known
     seen_start: Floats  # (W, 12) where windows begin, whatever the vehicle
-    outlying: dict[str, int] = field(default_factory=dict)  # samples by channel that no force could have reached
     nuisance_size: float = 0.0  # of the force of nuisance parameters alone, in units of the thrusters' reach
     freedoms: Latest[Freedom] = field(default_factory=lambda: _freedoms(), repr=False, compare=False)
 
@@ -145,6 +144,11 @@ class Problem:
             followed=np.ones(len(windows), bool),
             seen_start=windows.guess,
         )
+
+    @property
+    def outlying(self) -> np.ndarray:
+        """(W, m, C) samples that no force could have reached: they count less than they were given to."""
+        return self.windows.trust < self.given.trust
 
     @property
     def even(self) -> np.ndarray:

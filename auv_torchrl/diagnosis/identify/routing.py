@@ -93,7 +93,7 @@ def propose_routing(problem: Problem, follow: WindowPath, around: Explanation) -
     if not np.isfinite(entries.H).all() or not np.isfinite(entries.g).all():
         return None
     error = max(1.0, entries.chi2(entries.least) / max(q.numbers, 1))
-    best = _likeliest(_of_entries(problem, q, rest, amounts, error), n, error * A_PLUG)
+    best = _likeliest(_of_entries(problem, q, rest, amounts, error), n)
     if not best.plugs:
         return None
     terms, chi2, H = best.terms(even), entries.chi2(best.departure), entries.H
@@ -127,10 +127,16 @@ class _Entries:
     constant: float
     g: Floats
     H: Floats
+    a_plug: float  # chi-square that one more exchanged or reversed plug costs
 
     def chi2(self, d: Floats) -> float:
         """Chi-square of a departure (2 n n,)."""
         return self.constant - 2 * float(self.g @ d) + float(d @ self.H @ d)
+
+    def cost(self, routings: Sequence[Routing]) -> Floats:
+        """(R,) chi-square less a constant, with what plugs cost."""
+        d = np.stack([one.departure for one in routings])
+        return ((d @ self.H) * d).sum(-1) - 2 * d @ self.g + self.a_plug * np.array([one.plugs for one in routings])
 
     @cached_property
     def least(self) -> Floats:
@@ -141,16 +147,16 @@ class _Entries:
 def _of_entries(problem: Problem, q: Quadratic, rest: Explanation, amounts: Floats, error: float = 1.0) -> _Entries:
     """Chi-square of entries, by the quadratic of changes and their ``amounts``.
 
-    ``error`` is how many times the variance of the noise all errors have that no entry explains. If they counted as
-    noise, nuisance parameters would make up for them, and plugs would be told that are not there.
+    All errors, those of the simulator too, have ``error`` times the variance of the noise. What the simulator misses
+    must not count as noise: nuisance parameters would make up for it, and plugs would be told that are not there.
+    Chi-square stays in units of the noise, so what it is weighed against counts ``error`` times.
     """
-    wide = replace(problem, nuisance_precision=error * problem.nuisance_precision)
-    b, A = without_nuisance(wide, q, rest)
-    k, precision = len(wide.nuisance), wide.nuisance_precision
-    at = nuisance_now(wide, rest)
+    k, precision = len(problem.nuisance), error * problem.nuisance_precision
+    b, A = without_nuisance(replace(problem, nuisance_precision=precision), q, rest)
+    at = nuisance_now(problem, rest)
     pull = q.b[:k] - precision @ at
     constant = q.constant + float(at @ precision @ at) - float(pull @ np.linalg.solve(q.A[:k, :k] + precision, pull))
-    return _Entries(constant, amounts.T @ b, amounts.T @ A @ amounts)
+    return _Entries(constant, amounts.T @ b, amounts.T @ A @ amounts, error * A_PLUG)
 
 
 def _changes(even: Sequence[bool]) -> tuple[list[Term], Floats]:
@@ -172,7 +178,7 @@ def _changes(even: Sequence[bool]) -> tuple[list[Term], Floats]:
     return changes, columns[: len(changes)].reshape(len(changes), -1)
 
 
-def _likeliest(entries: _Entries, n: int, a_plug: float = A_PLUG) -> Routing:
+def _likeliest(entries: _Entries, n: int) -> Routing:
     """The permutation with signs that has the least chi-square, what each plug costs included."""
     from scipy.optimize import linear_sum_assignment  # here: few logs come to it, and it takes long to import
 
@@ -183,24 +189,17 @@ def _likeliest(entries: _Entries, n: int, a_plug: float = A_PLUG) -> Routing:
     rng = np.random.default_rng(0)
     starts = [rounded, Routing(np.arange(n), np.ones(n))]
     starts += [Routing(rng.permutation(n), np.ones(n)) for _ in range(STARTS)]
-    ends = (_descend(entries, start, a_plug) for start in starts)
-    return min(ends, key=lambda one: _cost(entries, [one], a_plug)[0])
+    return min((_descend(entries, start) for start in starts), key=lambda one: entries.cost([one])[0])
 
 
-def _descend(entries: _Entries, routing: Routing, a_plug: float) -> Routing:
-    (cost,) = _cost(entries, [routing], a_plug)
+def _descend(entries: _Entries, routing: Routing) -> Routing:
+    (cost,) = entries.cost([routing])
     while True:
         around = list(routing.neighbours())
-        costs = _cost(entries, around, a_plug)
+        costs = entries.cost(around)
         if not costs.min() < cost:
             return routing
         routing, cost = around[int(costs.argmin())], costs.min()
-
-
-def _cost(entries: _Entries, routings: Sequence[Routing], a_plug: float) -> Floats:
-    """(R,) chi-square less a constant, with what plugs cost."""
-    d = np.stack([one.departure for one in routings])
-    return ((d @ entries.H) * d).sum(-1) - 2 * d @ entries.g + a_plug * np.array([one.plugs for one in routings])
 
 
 def _replaced(values: np.ndarray, places: list[int], new: Sequence[float] | np.ndarray) -> np.ndarray:

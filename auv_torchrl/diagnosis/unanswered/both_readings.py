@@ -126,23 +126,25 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
 
-    def stretches(suspect: Suspect) -> tuple[Stillness, ...]:
-        return in_all_flight(suspect, log, found.problem, found.follow.explanation, given.settings).stretches
+    def tell_of(suspect: Suspect, whole: bool = False) -> tuple[Finding, ...]:
+        everywhere = in_all_flight(suspect, log, found.problem, found.follow.explanation, given.settings).stretches
+        return tell_other_source(everywhere if whole else blamed(everywhere), len(log.episodes), whole)
 
     contradict: list[tuple[float, FlightLog, tuple[Finding, ...]]] = []
     for suspect in find_other_source(found.problem, found.follow):
         if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
-            return _alone(logged, tell_other_source(stretches(suspect), len(log.episodes), whole=True))
+            return _alone(logged, tell_of(suspect, whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
             continue
         left = left_by(others, found.problem, given.settings)
-        by_a_file = given.is_guess and not left.is_nothing
-        rest = _explained(others, suspect.contradicts, given, once) if by_a_file else None
-        if left.is_nothing or rest is not None:
-            silent = tell_other_source(blamed(stretches(suspect)), len(log.episodes))
-            return _beside(rest, logged, silent) if rest else _alone(logged, silent)
-        if suspect.contradicts and not given.is_guess:
+        if left.is_nothing:
+            return _alone(logged, tell_of(suspect))
+        if given.is_guess:
+            rest = _explained(others, suspect.contradicts, given, once)
+            if rest is not None:  # by a file that was corrected anew
+                return _beside(rest, logged, tell_of(suspect))
+        elif suspect.contradicts:
             contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
     return _beside_the_false_one(contradict, logged, found, given, once)
 

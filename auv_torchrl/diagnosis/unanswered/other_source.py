@@ -89,12 +89,12 @@ def _contradicted(problem: Problem) -> Iterator[Suspect]:
 
     An accelerometer tells of a motion, too, by how a speed changes.
     """
-    windows, counts = problem.windows, problem.outlying
-    measured = dict(zip(windows.channels, (windows.trust > 0).sum((0, 1)).tolist(), strict=True))
-    share = {name: counts.get(name, 0) / max(1, number) for name, number in measured.items()}
+    windows = problem.windows
+    measured, outlying = (windows.trust > 0).sum((0, 1)), problem.outlying.sum((0, 1))
+    share = dict(zip(windows.channels, (outlying / np.maximum(measured, 1)).tolist(), strict=True))
     worst = sorted(SENSORS, key=lambda sensor: -max(share.get(name, 0.0) for name in sensor))
     for sensor in worst[:PARTIES]:
-        names, rest = set(sensor) & set(measured), set(measured) - set(sensor)
+        names, rest = set(sensor) & set(share), set(share) - set(sensor)
         told_twice = all(rest & {*_channels(windows, d := _freedom(name)), *FELT[d : d + 1]} for name in names)
         if told_twice and any(share[name] > CONTRADICTED for name in names):
             yield Suspect(tuple(Stillness(name) for name in sorted(names)), contradicts=True)
