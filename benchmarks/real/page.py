@@ -181,8 +181,8 @@ SECTIONS: Sequence[Section] = (
             "that differ by factors of two (`benchmarks/real/rov2016.yaml`), no sound run is given, and each run is "
             "diagnosed by itself. *Called dead*: with a probability of one half or more, less than 0.3 of what the "
             "others give. *Right* is a run of April that points at thruster 6 and calls no other one dead. In May all "
-            "thrusters work; there, *right* says no more than that none is called dead, and no run says that all is "
-            "well. The controller then moves thrusters 1, 2 and 5 together, and 3 and 4, and does not move 6. "
+            "thrusters work; there, *right* says no more than that none is pointed at or called dead, and no run says "
+            "that all is well. The controller then moves thrusters 1, 2 and 5 together, and 3 and 4, but not 6. "
             "Test3_roll_pitch lasts 20 s: too few windows to show that a corrected file predicts better, and with the "
             "file as it is nothing is located."
         ),

@@ -239,11 +239,12 @@ def test_a_run_of_2016_is_read_as_its_mapping_says(tmp_path):
         (rov2016.Pointed("partly_explained", "", 6, {}), 6, True),
         (rov2016.Pointed("partly_explained", "", 6, {5: 0.1}), 6, False),
         (rov2016.Pointed("unexplained", "", None, {}), 6, False),
-        (rov2016.Pointed("unexplained", "", 1, {}), None, True),
+        (rov2016.Pointed("unexplained", "", None, {}), None, True),
+        (rov2016.Pointed("unexplained", "", 1, {}), None, False),
         (rov2016.Pointed("explained", "", 1, {1: 0.0}), None, False),
     ],
 )
-def test_a_run_is_right_that_calls_no_sound_thruster_dead(pointed, broken, right):
+def test_a_run_is_right_that_points_at_no_sound_thruster(pointed, broken, right):
     """With a broken propeller it must point at that one, too."""
     assert pointed.is_right(broken) is right
 

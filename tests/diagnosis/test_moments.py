@@ -1,5 +1,7 @@
 """A thruster that pushes otherwise than commanded is found by gains of its own from moment to moment."""
 
+from dataclasses import replace
+
 import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
@@ -9,6 +11,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.moments import changing_thruster
 from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.sysid.trace import Outcome
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.flights.cases import Case
@@ -87,3 +90,19 @@ def test_a_thruster_that_wanders_is_not_said_to_come_and_go():
 def test_no_thruster_is_found_on_a_sound_vehicle():
     """Nor is one where all of them are as they should be."""
     assert moments(None)[0] is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"quadratic_drag": 2.0, "linear_drag": 2.0}, {"inertia": 3.0}, {"gain": 0.5}],
+    ids=lambda one: next(iter(one)),
+)
+def test_no_sound_thruster_is_blamed_for_a_file_that_is_wrong_by_factors(wrong):
+    """One stands out from all others by what it takes up of the file's errors, a small part of them."""
+    case = Case(3, "no_gap", sensors=SENSORS, axes=sensor_set(SENSORS).axes, episodes=2, episode_s=20.0)
+    ((log, _),) = fly([case], HEAVY, 2)
+    vehicle = changed(HEAVY, **{name: getattr(HEAVY, name) * factor for name, factor in wrong.items()})
+    windows = cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s)
+    assert changing_thruster(*follow_windows(Problem.of(windows, vehicle, SETTINGS))) is not None
+    diagnosis = diagnose(log, vehicle, settings=replace(SETTINGS, most_effects=0))
+    assert diagnosis.verdict is Verdict.UNEXPLAINED and "otherwise" not in diagnosis.summary + diagnosis.headline

@@ -29,7 +29,9 @@ def locate(
         path = found.best.path if effects else found.follow
         known = min(sum(effect.gap_closed or 0.0 for effect in effects), 1.0)
         rest, rest_thruster = attribute(problem, path)
-        if unlike := unlike_thruster(problem, path):
+        stands_out = unlike_thruster(problem, path)
+        unlike = stands_out if stands_out is not None and stands_out.is_most else None
+        if unlike is not None:
             numbers = range(1, problem.vehicle.thrusters + 1)
             rest_thruster = {str(number): float(number == unlike.thruster) for number in numbers}
             rest = rest or {kind.value: float(kind is Origin.ACTUATION) for kind in Origin}

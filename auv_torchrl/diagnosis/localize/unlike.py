@@ -35,6 +35,7 @@ from auv_torchrl.sysid.trace import Outcome
 SLICE = 0.1  # of the full command: finer ones are too short to be told
 SPREAD = 1.0  # standard deviation of the share of a slice, before anything was seen: it may as well be dead
 AT_REST = 0.3  # likewise of the thrust at rest, of the full thrust
+MOST = 0.5  # of the chi-square beyond noise
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,16 @@ class Unlike:
     @property
     def explains(self) -> bool:
         """Whether it leaves too little for any effect beside it."""
-        return self.excess - 1 < CLOSES * (self.moments.before - 1)
+        return self._leaves_less_than(CLOSES)
+
+    @property
+    def is_most(self) -> bool:
+        """Whether it is most of what the simulator misses; else not this thruster alone is to blame."""
+        return self._leaves_less_than(MOST)
+
+    def _leaves_less_than(self, share: float) -> bool:
+        """Whether less than a share of the chi-square beyond noise remains."""
+        return self.excess - 1 < share * (self.moments.before - 1)
 
 
 def unlike_thruster(problem: Problem, path: WindowPath) -> Unlike | None:
