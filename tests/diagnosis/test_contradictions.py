@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.identify.neighbours import Neighbourhood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.motion.cut import cut_windows
+from auv_torchrl.diagnosis.unanswered.other_source import none_shows
 from auv_torchrl.diagnosis.verdict import Verdict
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.vehicle import load_vehicle
@@ -117,3 +118,12 @@ def diagnosed(name, fault):
     assert {effect.name for effect in found.effects} == {name, *fault}
     estimate = next(effect for effect in found.effects if effect.name == name).parameters[parameter]
     assert estimate.value == pytest.approx(value, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("share", "about", "none"), [(0.0, 0.0, True), (0.2, 0.0, False), (0.2, 0.2, True), (0.4, 0.2, False)]
+)
+def test_a_channel_is_blamed_only_where_no_thrust_shows(share, about, none):
+    """A fifth that shows may be chance where all else tells of sound thrusters; else it may be a fault of theirs."""
+    scatter = share + 0.3 * np.tile([-1.0, 1.0], 40)[:, None]
+    assert none_shows(scatter, np.full((80, 1), 0.01), about) is none

@@ -11,7 +11,7 @@ as a whole, if exchanged plugs bring the thrust back.
 """
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,10 +28,12 @@ from auv_torchrl.diagnosis.localize.attribute import in_pieces
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.rollout import DIVERGING
 from auv_torchrl.diagnosis.motion.windows import Floats, Windows
+from auv_torchrl.diagnosis.thresholds import Z95
 from auv_torchrl.diagnosis.unanswered.stillness import WHOLE, Stillness, channels_of, hardly_moves
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import FlightLog, FlightLogError
-from auv_torchrl.physics import prepare
+from auv_torchrl.physics import ActiveTerms, prepare
+from auv_torchrl.physics.pushes import wrench_per_share
 from auv_torchrl.sensors import FELT, MOTION
 from auv_torchrl.vehicle import Vehicle
 
@@ -108,7 +110,9 @@ def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[Suspect]:
         columns = [column for column, d in enumerate(problem.layout.dof) if d in dof]
         names = {name for column in columns for name in _channels(windows, int(problem.layout.dof[column]))}
         odds = _odds_behind(share[:, columns], deviation[:, columns])
-        if odds.max() > SURE and names:
+        about = ABOUT if _others_tell(problem, follow, {*dof, *(SOURCES[0] if HEADING in names else ())}) else 0.0
+        begin = int(odds.argmax())
+        if names and odds[begin] > SURE and none_shows(share[begin:, columns], deviation[begin:, columns], about):
             first = _answers_until(share[:, columns], deviation[:, columns])
             sure.append((HEADING in names, float(odds.max()), first, names))
     if not sure:
@@ -205,6 +209,25 @@ def _odds_behind(share: Floats, deviation: Floats) -> Floats:
     none, all_of_it = (np.cumsum((weight * (share - shown) ** 2).sum(1)[::-1])[::-1] + LEAST for shown in (0.0, 1.0))
     count = np.cumsum((weight > 0).sum(1)[::-1])[::-1]
     return 0.5 * count * np.log(all_of_it / none)
+
+
+def none_shows(share: Floats, deviation: Floats, about: float) -> bool:
+    """Whether shares (W, D) are about 0 on average: where a part of the thrust shows, no channel is to blame."""
+    weight = np.maximum(deviation**-2.0 - 1.0, 0.0)
+    mean = (weight * share).sum() / weight.sum()
+    variance = (weight * (share - mean) ** 2).sum() / (weight > 0).sum() / weight.sum()
+    return bool(abs(mean) < about + Z95 * np.sqrt(variance))
+
+
+def _others_tell(problem: Problem, follow: WindowPath, gone: Collection[int]) -> bool:
+    """Whether thrusters show in what is left without some degrees of freedom: a fault of theirs would do so there, too.
+
+    The motion of a false channel may go with some thrust by chance. Where nothing else tells of the thrusters that push
+    there, such a share may be a fault of theirs as well.
+    """
+    pushes = wrench_per_share(follow.coefficients, ActiveTerms.of(follow.coefficients))[0] != 0  # (6, n)
+    kept = [d for d in problem.layout.dof if d not in gone]
+    return bool(pushes[kept].any(0)[pushes[list(gone)].any(0)].all())
 
 
 def _freedom(channel: str) -> int:
