@@ -35,7 +35,9 @@ from auv_torchrl.sysid.trace import Outcome
 SLICE = 0.1  # of the full command: finer ones are too short to be told
 SPREAD = 1.0  # standard deviation of the share of a slice, before anything was seen: it may as well be dead
 AT_REST = 0.3  # likewise of the thrust at rest, of the full thrust
-MOST = 0.5  # of the chi-square beyond noise
+# Of the chi-square beyond noise, what one thruster leaves at most that is to be blamed: beside files that are wrong by
+# factors a sound one left 0.54 to 0.76, and one that was at fault 0.18 or less.
+MOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ class Unlike:
 
     @property
     def is_most(self) -> bool:
-        """Whether it is most of what the simulator misses; else not this thruster alone is to blame."""
+        """Whether this thruster is most of what the simulator misses; else something other than it must be wrong."""
         return self._leaves_less_than(MOST)
 
     def _leaves_less_than(self, share: float) -> bool:

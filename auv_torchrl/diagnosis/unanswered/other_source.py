@@ -5,9 +5,9 @@ false one they leave nothing to explain, or far less than without the other.
 
 Where no other sensor tells of the motion, the thrust does: along the measured motion such a channel tells of a force
 that undoes what the thrusters push. So of each degree of freedom the share of the thrust that shows is fitted in every
-window: about 1 in a vehicle that answers, and 0 where the channel tells nothing. All other channels must then be those
-of the vehicle as it should be: faults hide the thrust as well, but no other channel leaves them out. Nor does the log
-as a whole, if exchanged plugs bring the thrust back.
+window: about 1 in a vehicle that answers, and 0 where the channel tells nothing; of faulty thrusters a part shows. All
+other channels must then be those of the vehicle as it should be: faults hide the thrust as well, but no other channel
+leaves them out. Nor does the log as a whole, if exchanged plugs bring the thrust back.
 """
 
 import sys
@@ -110,11 +110,14 @@ def _unmoved(problem: Problem, follow: WindowPath) -> Iterator[Suspect]:
         columns = [column for column, d in enumerate(problem.layout.dof) if d in dof]
         names = {name for column in columns for name in _channels(windows, int(problem.layout.dof[column]))}
         odds = _odds_behind(share[:, columns], deviation[:, columns])
-        about = ABOUT if _others_tell(problem, follow, {*dof, *(SOURCES[0] if HEADING in names else ())}) else 0.0
         begin = int(odds.argmax())
-        if names and odds[begin] > SURE and none_shows(share[begin:, columns], deviation[begin:, columns], about):
+        if not (names and odds[begin] > SURE):
+            continue
+        gone = {*dof, *(SOURCES[0] if HEADING in names else ())}
+        about = ABOUT if _others_tell(problem, follow, gone) else 0.0
+        if none_shows(share[begin:, columns], deviation[begin:, columns], about):
             first = _answers_until(share[:, columns], deviation[:, columns])
-            sure.append((HEADING in names, float(odds.max()), first, names))
+            sure.append((HEADING in names, float(odds[begin]), first, names))
     if not sure:
         return
     *_, first, names = max(sure, key=lambda one: one[:2])  # a false heading makes positions false, too, not vice versa
@@ -205,25 +208,34 @@ def _odds_behind(share: Floats, deviation: Floats) -> Floats:
 
     Whatever else moves the channel, a false source or an unknown force, is as large under both: how large is not known.
     """
-    weight = np.maximum(deviation**-2.0 - 1.0, 0.0)  # what was seen, less what was assumed
+    weight = _seen(deviation)
     none, all_of_it = (np.cumsum((weight * (share - shown) ** 2).sum(1)[::-1])[::-1] + LEAST for shown in (0.0, 1.0))
     count = np.cumsum((weight > 0).sum(1)[::-1])[::-1]
     return 0.5 * count * np.log(all_of_it / none)
 
 
+def _seen(deviation: Floats) -> Floats:
+    """How much windows tell of shares, as inverse variances (W, D): what they know, less what was assumed of them."""
+    seen: Floats = np.maximum(deviation**-2.0 - 1.0, 0.0)
+    return seen
+
+
 def none_shows(share: Floats, deviation: Floats, about: float) -> bool:
-    """Whether shares (W, D) are about 0 on average: where a part of the thrust shows, no channel is to blame."""
-    weight = np.maximum(deviation**-2.0 - 1.0, 0.0)
+    """Whether the mean of shares (W, D) is 0 within ``about`` and its 95 % interval.
+
+    Where a part of the thrust shows, the channel follows the vehicle, and something is wrong with the vehicle.
+    """
+    weight = _seen(deviation)
     mean = (weight * share).sum() / weight.sum()
     variance = (weight * (share - mean) ** 2).sum() / (weight > 0).sum() / weight.sum()
     return bool(abs(mean) < about + Z95 * np.sqrt(variance))
 
 
 def _others_tell(problem: Problem, follow: WindowPath, gone: Collection[int]) -> bool:
-    """Whether thrusters show in what is left without some degrees of freedom: a fault of theirs would do so there, too.
+    """Whether all thrusters that push in the degrees of freedom that are ``gone`` push in one that is left, too.
 
-    The motion of a false channel may go with some thrust by chance. Where nothing else tells of the thrusters that push
-    there, such a share may be a fault of theirs as well.
+    A fault of theirs would then show in what is left. Where nothing left tells of them, a part of the thrust that shows
+    may be their fault; else it is chance, as where the same manoeuvre is replayed.
     """
     pushes = wrench_per_share(follow.coefficients, ActiveTerms.of(follow.coefficients))[0] != 0  # (6, n)
     kept = [d for d in problem.layout.dof if d not in gone]
