@@ -36,7 +36,7 @@ SLICE = 0.1  # of the full command: finer ones are too short to be told
 SPREAD = 1.0  # standard deviation of the share of a slice, before anything was seen: it may as well be dead
 AT_REST = 0.3  # likewise of the thrust at rest, of the full thrust
 # Of the chi-square beyond noise, what one thruster leaves at most that is to be blamed: beside files that are wrong by
-# factors a sound one left 0.54 to 0.76, and one that was at fault 0.18 or less.
+# factors a sound one left 0.56 to 0.76, and one that was at fault 0.18 or less.
 MOST = 0.5
 
 
