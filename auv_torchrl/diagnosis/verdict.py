@@ -264,11 +264,29 @@ class Decision:
     @property
     def best(self) -> Hypothesis | None:
         """The hypothesis that was kept; None without a trace."""
-        return next((one for one in self.trace if one.outcome is Outcome.KEPT), None)
+        return next((one for one in self.trace if one.outcome.is_kept), None)
+
+    @property
+    def simulated(self) -> tuple[Hypothesis, ...]:
+        """Each set of effects that was simulated once, with the values that fit it best, in the order they came up."""
+        best: dict[tuple[str, ...], Hypothesis] = {}
+        for one in self.trace:
+            held = best.get(one.effects)
+            if one.simulated and (held is None or _rank(one) > _rank(held)):
+                best[one.effects] = one
+        return tuple(best.values())
 
     def behind(self, one: Hypothesis) -> float:
-        """Log units by which a hypothesis is less probable than the best one."""
-        return 0.0 if self.best is None else self.best.log_posterior - one.log_posterior
+        """Log units by which a hypothesis is less probable than the best one, or than what was taken back of it."""
+        if self.best is None:
+            return 0.0
+        taken_back = self.best.outcome is Outcome.LEFT
+        most = max((h.log_posterior for h in self.trace if h.simulated), default=0.0) if taken_back else None
+        return (self.best.log_posterior if most is None else most) - one.log_posterior
+
+
+def _rank(one: Hypothesis) -> tuple[bool, float]:
+    return one.outcome.is_kept, one.log_posterior
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ class Outcome(Enum):
     """What became of a hypothesis; the value is the phrase that a person reads."""
 
     KEPT = "kept: no hypothesis that counts has a higher posterior"
+    LEFT = "kept: held-out flight took back what fits better"
     STEP = "kept on the way: a later one has more"
     NO_GAIN = "dropped: the log does not pay for what it adds"
     SMALL = "dropped: it does less than what is uncertain about a sound system anyway"
@@ -20,6 +21,11 @@ class Outcome(Enum):
     CHANGING = "dropped: a part that gives now more and now less explains the log better"
     OUTDONE = "not simulated: a part that gives now more and now less explains the log better"
     PREDICTED = "not simulated: the linear prediction promises too little"
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the hypothesis is the one that stands at the end."""
+        return self in (Outcome.KEPT, Outcome.LEFT)
 
 
 OUT = frozenset((Outcome.REFUTED, Outcome.CHANGING, Outcome.OUTDONE))  # what has no share in the probabilities
@@ -62,7 +68,14 @@ class SearchTrace:
     @property
     def best(self) -> Record:
         """The hypothesis that was kept."""
-        return next(record for record in self.records if record.outcome is Outcome.KEPT)
+        return next(record for record in self.records if record.outcome.is_kept)
+
+    @property
+    def best_fit(self) -> Record:
+        """The hypothesis that is behind none: the best one, or what held-out flight took back."""
+        if self.best.outcome is Outcome.KEPT:
+            return self.best
+        return max((record for record in self.records if record.simulated), key=lambda record: record.log_posterior)
 
     @property
     def runner_up(self) -> Record | None:
@@ -93,7 +106,8 @@ class SearchTrace:
         if not others:
             raise KeyError(f"no hypothesis of {' + '.join(names) or 'nothing'} was simulated")
         best, now = self.best, max(others, key=lambda record: record.log_posterior)
-        changed = {id(best): outcome, id(now): Outcome.KEPT}
+        kept = Outcome.LEFT if outcome is Outcome.REFUTED else Outcome.KEPT
+        changed = {id(best): outcome, id(now): kept}
         records = (replace(one, outcome=changed[id(one)]) if id(one) in changed else one for one in self.records)
         return SearchTrace(tuple(records))
 
@@ -122,14 +136,18 @@ class SearchTrace:
             raise KeyError(f"no change {name!r} was tried")
         best = self.best
         if name in best.names:
-            without = [record for record in self.records if record.simulated and name not in record.names]
+            counted = [record for record in self.records if record.simulated and record.outcome not in OUT]
+            without = [record for record in counted if name not in record.names]
             other = max(without, key=lambda record: record.log_posterior)
             gain = best.log_posterior - other.log_posterior
             return f"kept; without it the best hypothesis, {other.called}, is {gain:.1f} log units behind"
         nearest = max(having, key=lambda record: record.log_posterior)
-        behind = best.log_posterior - nearest.log_posterior
-        beside = [other for other in nearest.names if other != name]
+        fits = self.best_fit
+        behind = fits.log_posterior - nearest.log_posterior
+        beside = [other for other in (fits if name in fits.names else nearest).names if other != name]
         where = f"beside {' + '.join(beside)}" if beside else "alone"
+        if name in fits.names:
+            return f"{where} it fits best; {Outcome.REFUTED.value}"
         if not np.isfinite(behind):
             return f"{where} its simulation diverges"
         if nearest.outcome in (Outcome.SMALL, Outcome.CHANGING, Outcome.OUTDONE):

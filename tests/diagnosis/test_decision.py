@@ -9,7 +9,7 @@ from flown_logs import fly, hold
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.report import decision_table, report_page
-from auv_torchrl.diagnosis.verdict import from_json, to_json
+from auv_torchrl.diagnosis.verdict import Decision, Hypothesis, from_json, to_json
 from auv_torchrl.effects import EFFECTS
 from auv_torchrl.sysid import Outcome
 from auv_torchrl.vehicle import load_vehicle
@@ -83,6 +83,23 @@ def test_what_tells_the_next_best_apart_is_said(answered):
         assert decision.next_best and decision.apart
     assert list(decision.apart.values()) == sorted(decision.apart.values(), reverse=True)
     assert 0 <= sum(decision.apart.values()) <= 1 + 1e-9
+
+
+def test_no_row_is_ahead_of_the_best_fit_where_it_was_taken_back():
+    """An explanation that was fitted from several values is one row, and what is left of all says why it stands."""
+
+    def tried(effects, evidence, outcome):
+        return Hypothesis(effects, {}, evidence, 0.0, 1.0, "by a test", outcome)
+
+    trace = (
+        tried((), -900.0, Outcome.LEFT),
+        tried(("tether",), -200.0, Outcome.REFUTED),
+        tried(("tether",), -100.0, Outcome.REFUTED),
+        tried(("current",), -50.0, Outcome.PREDICTED),
+    )
+    decision = Decision(trace)
+    assert decision.simulated == (trace[0], trace[2])
+    assert [decision.behind(one) for one in decision.simulated] == [800.0, 0.0]
 
 
 @pytest.mark.parametrize(

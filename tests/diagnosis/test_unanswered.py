@@ -9,6 +9,7 @@ import pytest
 
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
+from auv_torchrl.diagnosis.identify.explanation import Explanation
 from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
@@ -16,7 +17,7 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.report.table import summary_table
 from auv_torchrl.diagnosis.unanswered.both_readings import FAR_LESS
 from auv_torchrl.diagnosis.unanswered.held import beside, find_held
-from auv_torchrl.diagnosis.unanswered.other_source import find_other_source, left_by
+from auv_torchrl.diagnosis.unanswered.other_source import Suspect, find_other_source, in_all_flight, left_by
 from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness, hardly_moves
 from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
@@ -284,11 +285,15 @@ def of_another_dive(channels, episodes, sensors="mocap"):
     return replace(log, episodes=tuple(changed))
 
 
+def posed(log):
+    """The problem of a log of that vehicle."""
+    heavy = load_vehicle("bluerov2_heavy")
+    return Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
+
+
 def suspects(log):
     """Channels that may be of another source, the likeliest first."""
-    heavy = load_vehicle("bluerov2_heavy")
-    problem = Problem.of(cut_windows(log, SETTINGS.window_s, SETTINGS.lead_s, SETTINGS.bin_s), heavy, SETTINGS)
-    return find_other_source(*follow_windows(problem))
+    return find_other_source(*follow_windows(posed(log)))
 
 
 def test_the_thrust_does_not_show_in_a_channel_of_another_dive():
@@ -296,6 +301,20 @@ def test_the_thrust_does_not_show_in_a_channel_of_another_dive():
     assert not suspects(dives(4)[0])
     (one,) = suspects(of_another_dive(("yaw",), 4))
     assert one.channels == ("x", "y", "yaw") and {entry.episode for entry in one.stretches} >= {1, 2, 3}
+
+
+def test_what_a_part_of_a_log_suspects_all_of_it_clears_or_confirms():
+    """A sound heading is cleared; one of another dive is false in held-out flight, too."""
+    channels = ("x", "y", "yaw")
+    suspect = Suspect(tuple(Stillness(name, 2, 10.0, np.inf) for name in channels), contradicts=False)
+
+    def asked_of(log):
+        return in_all_flight(suspect, log, posed(log), Explanation(), SETTINGS)
+
+    assert asked_of(dives(4)[0]) is None
+    confirmed = asked_of(of_another_dive(("yaw",), 4))
+    assert confirmed is not None and confirmed.channels == channels
+    assert {entry.episode for entry in confirmed.stretches} >= {1, 2, 3}
 
 
 def test_the_thrust_shows_in_no_channel_of_a_replayed_pose():

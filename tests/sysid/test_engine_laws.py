@@ -271,3 +271,24 @@ def test_hypotheses_that_were_fitted_to_more_windows_are_weighed_by_them():
     again = few.weighed_again(whole)
     assert [one.log_evidence for one in again.records] == [-40.0, -10.0, -40.0]
     assert again.instead(("b",), Outcome.STEP).best.names == ("b",)
+
+
+def test_what_was_taken_back_of_the_best_fit_is_said_so_and_nothing_is_ahead_of_it():
+    """Changes of the best fit were taken back; all others are behind that fit, and not ahead of what is left."""
+
+    def record(names, evidence, outcome):
+        return Record(names, {}, evidence, 0.0, 1.0, "by a test", outcome)
+
+    tried = SearchTrace(
+        (
+            record((), -900.0, Outcome.STEP),
+            record(("a",), -300.0, Outcome.STEP),
+            record(("a", "b"), -100.0, Outcome.KEPT),
+            record(("a", "c"), -200.0, Outcome.BEATEN),
+        )
+    )
+    assert tried.best_fit is tried.best
+    left = tried.instead((), Outcome.REFUTED)
+    assert left.best.outcome is Outcome.LEFT and left.best.names == () and left.best_fit.names == ("a", "b")
+    assert left.why("b") == f"beside a it fits best; {Outcome.REFUTED.value}"
+    assert left.why("c") == "beside a it is 100.0 log units behind, simulated"

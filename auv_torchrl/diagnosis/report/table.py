@@ -65,12 +65,12 @@ def decision_table(diagnosis: Diagnosis) -> str:
     """How the verdict was reached: the explanations that were simulated, the runner-up, and why no other effect."""
     decision = diagnosis.decision
     lines = ["how this was decided", f"  {'explanation':<44} {'behind':>9} {'misfit':>8}  what became of it"]
-    for one in decision.trace:
-        if one.simulated:
-            behind = "diverges" if one.log_evidence is None else number(decision.behind(one), 3)
-            misfit = "–" if one.misfit is None else number(one.misfit, 3)
-            lines.append(f"  {words(one.called):<44} {behind:>9} {misfit:>8}  {one.outcome.value}")
-    lines += ["  behind: log units by which it is less probable; misfit: chi-square per number, 1 is noise alone"]
+    for one in decision.simulated:
+        behind = "diverges" if one.log_evidence is None else number(decision.behind(one), 3)
+        misfit = "–" if one.misfit is None else number(one.misfit, 3)
+        lines.append(f"  {words(one.called):<44} {behind:>9} {misfit:>8}  {one.outcome.value}")
+    lines += ["  behind: log units by which it is less probable than the one at 0"]
+    lines += ["  misfit: chi-square per number, 1 is noise alone"]
     if decision.next_best:
         lines.append(f"  {next_best(decision)}")
     lines += ["", "why each effect is named, or is not"]

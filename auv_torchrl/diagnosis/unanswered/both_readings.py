@@ -127,11 +127,14 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         return logged
 
     def tell_of(suspect: Suspect, whole: bool = False) -> tuple[Finding, ...]:
-        everywhere = in_all_flight(suspect, log, found.problem, found.follow.explanation, given.settings).stretches
-        return tell_other_source(everywhere if whole else blamed(everywhere), len(log.episodes), whole)
+        stretches = suspect.stretches if whole else blamed(suspect.stretches)
+        return tell_other_source(stretches, len(log.episodes), whole)
 
     contradict: list[tuple[float, FlightLog, tuple[Finding, ...]]] = []
-    for suspect in find_other_source(found.problem, found.follow):
+    for one in find_other_source(found.problem, found.follow):
+        suspect = in_all_flight(one, log, found.problem, found.follow.explanation, given.settings)
+        if suspect is None:
+            continue
         if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
             return _alone(logged, tell_of(suspect, whole=True))
         others = without(log, [Stillness(name) for name in suspect.channels])

@@ -75,15 +75,16 @@ def find_other_source(problem: Problem, follow: WindowPath) -> tuple[Suspect, ..
 
 def in_all_flight(
     suspect: Suspect, log: FlightLog, problem: Problem, sensor: Explanation, settings: Settings
-) -> Suspect:
-    """A suspect of a part of a log, with the stretches of held-out flight, too.
+) -> Suspect | None:
+    """A suspect of a part of a log, with the stretches of held-out flight, too; None where all flight clears it.
 
-    ``sensor`` is the change of a sensor under which that part was followed, or none.
+    ``sensor`` is the change of a sensor under which that part was followed, or none. The part and its moment were
+    chosen as the worst: held-out flight was not, and where thrust shows there, the channel follows the vehicle.
     """
     if suspect.contradicts:  # then it does all along
         return suspect
     everywhere = find_other_source(*follow_windows(_cut(log, problem, settings), sensor))
-    return next((one for one in everywhere if one.channels == suspect.channels), suspect)
+    return next((one for one in everywhere if one.channels == suspect.channels), None)
 
 
 def _contradicted(problem: Problem) -> Iterator[Suspect]:

@@ -149,11 +149,11 @@ def _without_one(found: Found, testing: FlightLog, settings: Settings) -> Found 
         return None
     gone = set(best.explanation.effects) - set(fit.explanation.effects)
     how = f"without {' and '.join(sorted(gone)) or 'values of a family'}, for held-out flight"
-    record = weighed(problem, found.field, fit.explanation, fit.evidence, fit.excess, how, Outcome.KEPT)
+    record = weighed(problem, found.field, fit.explanation, fit.evidence, fit.excess, how, Outcome.LEFT)
     # What is needless beside one explanation is so beside another that does the same.
     before = (
         replace(one, outcome=Outcome.REFUTED)
-        if one.outcome is Outcome.KEPT or (one.simulated and gone and gone < {*one.names})
+        if one.outcome.is_kept or (one.simulated and gone and gone < {*one.names})
         else one
         for one in found.trace.records
     )
