@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from auv_torchrl.diagnosis import Verdict, diagnose
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_along_motion, fit_by_simulation
-from auv_torchrl.diagnosis.identify.following import follow_windows, hand_on, nudge, path_under
+from auv_torchrl.diagnosis.identify.following import chi2_by_window, follow_windows, hand_on, nudge, path_under
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
 from auv_torchrl.diagnosis.identify.neighbours import held_at
 from auv_torchrl.diagnosis.identify.paths import nuisance_now
@@ -21,7 +21,7 @@ from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.screen import Field
 from auv_torchrl.diagnosis.identify.search import search
 from auv_torchrl.diagnosis.motion.cut import cut_windows
-from auv_torchrl.diagnosis.thresholds import NUISANCE_LIMIT
+from auv_torchrl.diagnosis.thresholds import NUISANCE_LIMIT, STUCK
 from auv_torchrl.diagnosis.validate.predict import predict
 from auv_torchrl.diagnosis.validate.veto import falls_short
 from auv_torchrl.effects import EFFECTS
@@ -214,6 +214,21 @@ def test_a_window_that_has_lost_its_start_finds_it_again():
     assert np.abs(astray.state.start[first, 11] - sound.state.start[first, 11]).max() > 1.0
     found = hand_on(problem, astray)
     np.testing.assert_allclose(found.state.start[:, 11], sound.state.start[:, 11], atol=0.05)
+
+
+def test_a_lost_window_begins_where_the_one_before_it_ends_although_that_misses_something_too():
+    """A load that no window knows of; beside that, a wrong spin stands out, and its free start was no better."""
+    problem, follow = follow_windows(problem_of(HELD, {"buoyancy": {"force": 2.0}}, seed=4))
+    sound = path_under(problem, Explanation(), follow)
+    left = chi2_by_window(problem, sound.state) / problem.windows.numbers_of_each
+    lost = int(np.flatnonzero((problem.windows.start[1:] > problem.windows.start.min()) & (left[:-1] > STUCK))[0]) + 1
+    start = sound.state.start.copy()
+    start[lost, 11] += 8.0
+    problem = replace(problem, seen_start=start)
+    astray = nudge(problem, sound.explanation, replace(sound, state=replace(sound.state, start=start)))
+    assert np.abs(astray.state.start - sound.state.start)[lost, 11] > 1.0
+    found = hand_on(problem, astray)
+    np.testing.assert_allclose(found.state.start[:, 11], sound.state.start[:, 11], atol=0.1)
 
 
 def test_a_coefficient_that_is_far_off_by_chance_is_no_effect():

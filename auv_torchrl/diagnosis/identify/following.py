@@ -177,13 +177,12 @@ def hand_on(problem: Problem, path: WindowPath) -> WindowPath:
     windows = problem.windows
     follows = (windows.episode[:, None] == windows.episode) & (windows.start[:, None] == windows.start + windows.steps)
     before = np.where(follows.any(1), follows.argmax(1), -1)
-    chi2 = chi2_by_window(problem, path.state)
-    astray = np.flatnonzero(~(chi2 < LOST_START * np.median(chi2)))
+    astray = np.flatnonzero(_astray(problem, path))
     if len(astray) and _stuck(problem, path).mean() <= MOSTLY_LOST:
         path = _begun_anew(problem, path, astray, problem.seen_start[astray])
     for _ in range(HEIRS):
-        stuck = _stuck(problem, path)
-        heirs = np.flatnonzero(stuck & (before >= 0) & ~stuck[before])
+        stuck, astray = _stuck(problem, path), _astray(problem, path)
+        heirs = np.flatnonzero((before >= 0) & ((stuck & ~stuck[before]) | (astray & ~astray[before])))
         if not len(heirs) or stuck.mean() > MOSTLY_LOST:
             break
         ends = path.course.sensors.reported_start(path.states[:, -1])  # (W, 12), as the start of what follows
@@ -197,6 +196,12 @@ def hand_on(problem: Problem, path: WindowPath) -> WindowPath:
 def _stuck(problem: Problem, path: WindowPath) -> np.ndarray:
     """(W,) windows that leave more than an explanation that is about right would."""
     return ~(chi2_by_window(problem, path.state) < STUCK * problem.windows.numbers_of_each)
+
+
+def _astray(problem: Problem, path: WindowPath) -> np.ndarray:
+    """(W,) windows that leave far more than others, whatever the explanation misses in all of them."""
+    chi2 = chi2_by_window(problem, path.state)
+    return ~(chi2 < LOST_START * np.median(chi2))
 
 
 def some_diverged(problem: Problem, *bases: WindowPath) -> bool:
