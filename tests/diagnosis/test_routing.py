@@ -22,6 +22,7 @@ from auv_torchrl.diagnosis.motion.smooth import misfit
 from auv_torchrl.diagnosis.thresholds import LOST, ONE_MORE_VALUE, WORTH_AN_EFFECT
 from auv_torchrl.diagnosis.unanswered.both_readings import follows_otherwise
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import read_flightlog
 from auv_torchrl.flightlog.log import POSE
 from auv_torchrl.physics import prepare
@@ -221,11 +222,12 @@ def test_a_reversed_plug_with_a_gain_of_minus_one_is_nothing():
 
 
 def test_a_vehicle_whose_plugs_are_exchanged_follows_its_commands():
-    """Other thrusters do what is commanded; of poses that another flight had, no plugs make anything."""
+    """Others do what is commanded, whether the file has its thrust right or not; no plugs make another flight."""
     vehicle = hold(PAPER)
     plugs = {"thruster_swap": {"command_1": 4.0, "command_4": 5.0, "command_5": 1.0, "command_6": -6.0}}
     flown = fly(vehicle, plugs, seed=1, episodes=2, seconds=20.0)
     assert follows_otherwise(searched(flown, vehicle)[1])
+    assert follows_otherwise(searched(flown, changed(vehicle, gain=1.1 * vehicle.gain))[1])
     other = fly(vehicle, {}, seed=2, episodes=2, seconds=20.0)
     of_another = tuple(replace(mine, pose=its.pose) for mine, its in zip(flown.episodes, other.episodes, strict=True))
     assert not follows_otherwise(searched(replace(flown, episodes=of_another), vehicle)[1])

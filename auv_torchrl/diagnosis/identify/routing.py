@@ -79,13 +79,40 @@ class Routing:
 
 def propose_routing(problem: Problem, follow: WindowPath, around: Explanation) -> Screened | None:
     """``around`` with the likeliest plugs in place of those that it has; None where all are where they belong."""
+    solved = _solve(problem, follow, around)
+    if solved is None:
+        return None
+    rest, entries, best = solved
+    n = problem.vehicle.thrusters
+    terms, chi2, H = best.terms(_even(problem.vehicle)), entries.chi2(best.departure), entries.H
+    explanation = Explanation((*rest.terms, *terms))
+    gains = [int(member.rsplit("_", 1)[1]) for term in terms if not term.discrete for member in term.members]
+    places = [n * (i - 1) + int(best.giver[i - 1]) for i in gains]
+    widths = np.array([problem.prior.width(thruster_gain.name, _gain(i)) for i in gains])
+    evidence = log_evidence(problem, chi2, explanation) + volume(H[np.ix_(places, places)], widths)
+    return Screened(explanation, chi2, evidence)
+
+
+def left_by_plugs(problem: Problem, follow: WindowPath) -> float:
+    """Chi-square that the likeliest plugs leave, of what thrusters that do nothing would leave; 1 where none are."""
+    solved = _solve(problem, follow, follow.explanation)
+    if solved is None:
+        return 1.0
+    _, entries, best = solved
+    dead = Routing(best.giver, np.zeros(len(best.giver)))
+    return entries.chi2(best.departure) / entries.chi2(dead.departure)
+
+
+def _solve(
+    problem: Problem, follow: WindowPath, around: Explanation
+) -> tuple[Explanation, "_Entries", "Routing"] | None:
+    """What ``around`` has beside plugs, chi-square by routing, and the likeliest one; None where plugs are in place."""
     mine = (thruster_swap.name, thruster_gain.name)
     rest = Explanation(tuple(term for term in around.terms if term.effect not in mine))
     n = problem.vehicle.thrusters
     if n < 2 or not set(mine) <= {candidate.effect for candidate in problem.candidates}:
         return None
-    even = _even(problem.vehicle)
-    changes, amounts = _changes(even)
+    changes, amounts = _changes(_even(problem.vehicle))
     changed = [Explanation((*rest.terms, change)) for change in changes]
     elsewhere = None if rest == follow.explanation else rest
     q = quadratic(problem, follow, changed, elsewhere, chosen=problem.followed)
@@ -94,15 +121,7 @@ def propose_routing(problem: Problem, follow: WindowPath, around: Explanation) -
         return None
     error = max(1.0, entries.chi2(entries.least) / max(q.numbers, 1))
     best = _likeliest(_of_entries(problem, q, rest, amounts, error), n)
-    if not best.plugs:
-        return None
-    terms, chi2, H = best.terms(even), entries.chi2(best.departure), entries.H
-    explanation = Explanation((*rest.terms, *terms))
-    gains = [int(member.rsplit("_", 1)[1]) for term in terms if not term.discrete for member in term.members]
-    places = [n * (i - 1) + int(best.giver[i - 1]) for i in gains]
-    widths = np.array([problem.prior.width(thruster_gain.name, _gain(i)) for i in gains])
-    evidence = log_evidence(problem, chi2, explanation) + volume(H[np.ix_(places, places)], widths)
-    return Screened(explanation, chi2, evidence)
+    return (rest, entries, best) if best.plugs else None
 
 
 def _even(vehicle: Vehicle) -> list[bool]:

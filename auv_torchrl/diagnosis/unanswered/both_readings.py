@@ -13,7 +13,7 @@ from auv_torchrl.diagnosis.doubt import BELIEVED, doubted_alternatives
 from auv_torchrl.diagnosis.explain import Given, is_explained_in_part
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
-from auv_torchrl.diagnosis.identify.routing import propose_routing
+from auv_torchrl.diagnosis.identify.routing import left_by_plugs
 from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.held import beside, find_held
@@ -50,7 +50,8 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
 
-# Of what is left without the other sensor, or by the best explanation of all: a false sensor outweighs faults.
+# Of what is left without the other sensor, by the best explanation of all, or by thrusters that
+# do nothing: a false sensor outweighs faults, and exchanged plugs a false pose, of which plugs explain little.
 FAR_LESS = 0.1
 
 
@@ -173,9 +174,8 @@ def _beside_the_false_one(
 
 
 def follows_otherwise(found: Found) -> bool:
-    """Whether exchanged plugs leave little where the motion is known: thrusters follow the commands of others."""
-    one = propose_routing(found.problem, found.follow, found.follow.explanation)
-    return one is not None and one.chi2 < found.problem.settings.excess * found.field.quadratic.numbers
+    """Whether exchanged plugs leave far less than no thrust at all: thrusters follow the commands of others."""
+    return left_by_plugs(found.problem, found.follow) < FAR_LESS
 
 
 def _explained(others: FlightLog, may_be_faulty: bool, given: Given, once: Once) -> Diagnosis | None:
