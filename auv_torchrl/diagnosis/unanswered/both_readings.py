@@ -121,8 +121,8 @@ def _nothing_else(log: FlightLog, silent: tuple[Finding, ...], logged: Diagnosis
 def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, found: Found, once: Once) -> Diagnosis:
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first.
 
-    Of two sensors that contradict each other one is false: that without which far less is left, and all others are
-    explained. They may show a fault. A file that is a guess tells nothing of how much should be left.
+    Of two sensors that contradict each other one is false: that without which far less is left. All others may show a
+    fault. A file that is a guess tells nothing of how much should be left.
     """
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
@@ -150,18 +150,18 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
                 return _beside(rest, logged, tell_of(suspect))
         elif suspect.contradicts:
             contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
-    return _beside_the_false_one(contradict, logged, found, given, once)
+    return _beside_the_false_one(contradict, logged, found, once)
 
 
 def _beside_the_false_one(
     contradict: Sequence[tuple[float, FlightLog, tuple[Finding, ...]]],
     logged: Diagnosis,
     found: Found,
-    given: Given,
     once: Once,
 ) -> Diagnosis:
     """What all others show beside the one of contradicting sensors without which far less is left, if one is so.
 
+    They contradict each other whatever acts on the vehicle, so that all others may show something unknown, too.
     ``contradict`` has for each sensor what is left without it, the log of all others, and what is said of it.
     """
     ranked = sorted(contradict, key=lambda one: one[0])
@@ -169,8 +169,11 @@ def _beside_the_false_one(
     if not ranked or lefts[0] > FAR_LESS * min(lefts[1:]):
         return logged
     _, others, silent = ranked[0]
-    rest = _explained(others, True, given, once)
-    return _beside(rest, logged, silent) if rest else logged
+    try:
+        rest, _ = once(others, 0.8, 1.0)
+    except FlightLogError:  # too little is left to explain
+        return logged
+    return _beside(rest, logged, silent)
 
 
 def follows_otherwise(found: Found) -> bool:
