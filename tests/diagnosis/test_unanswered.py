@@ -22,6 +22,7 @@ from auv_torchrl.diagnosis.unanswered.stillness import Stillness, find_stillness
 from auv_torchrl.diagnosis.unanswered.weigh import without
 from auv_torchrl.diagnosis.unanswered.wording import named, not_answering, tell
 from auv_torchrl.diagnosis.verdict import Where
+from auv_torchrl.effects import EFFECTS
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import POSE, read_flightlog
 from auv_torchrl.vehicle import load_vehicle
@@ -354,6 +355,14 @@ def test_which_of_two_that_contradict_each_other_is_false_is_told(channel):
     """The one without which all others show the vehicle as it should be; nothing is said of the thrusters."""
     diagnosis = diagnose(of_another_dive((channel,), 4, "dvl"), load_vehicle("bluerov2_heavy"))
     assert told(diagnosis) == [(channel,)] and not likely(diagnosis) and diagnosis.verdict is Verdict.CANNOT_TELL
+
+
+def test_a_false_heading_is_told_although_the_rest_has_no_explanation():
+    """A file whose thrust is a third too small, and nothing that is tried explains that."""
+    heavy = load_vehicle("bluerov2_heavy")
+    tried = replace(SETTINGS, ignored=tuple(EFFECTS.keys() - {"payload"}))
+    diagnosis = diagnose(of_another_dive(("yaw",), 4, "dvl"), changed(heavy, gain=0.7 * heavy.gain), settings=tried)
+    assert told(diagnosis) == [("yaw",)] and not likely(diagnosis) and diagnosis.verdict is Verdict.UNEXPLAINED
 
 
 @pytest.mark.thorough
