@@ -276,13 +276,16 @@ class Decision:
                 best[one.effects] = one
         return tuple(best.values())
 
+    @property
+    def best_fit(self) -> Hypothesis | None:
+        """The hypothesis that is behind none: the one that was kept, or what held-out flight took back of it."""
+        if self.best is None or self.best.outcome is Outcome.KEPT:
+            return self.best
+        return max((one for one in self.trace if one.simulated), key=lambda one: one.log_posterior)
+
     def behind(self, one: Hypothesis) -> float:
-        """Log units by which a hypothesis is less probable than the best one, or than what was taken back of it."""
-        if self.best is None:
-            return 0.0
-        taken_back = self.best.outcome is Outcome.LEFT
-        most = max((h.log_posterior for h in self.trace if h.simulated), default=0.0) if taken_back else None
-        return (self.best.log_posterior if most is None else most) - one.log_posterior
+        """Log units by which a hypothesis is less probable than the best fit."""
+        return 0.0 if self.best_fit is None else self.best_fit.log_posterior - one.log_posterior
 
 
 def _rank(one: Hypothesis) -> tuple[bool, float]:

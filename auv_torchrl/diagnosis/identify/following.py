@@ -177,11 +177,13 @@ def hand_on(problem: Problem, path: WindowPath) -> WindowPath:
     windows = problem.windows
     follows = (windows.episode[:, None] == windows.episode) & (windows.start[:, None] == windows.start + windows.steps)
     before = np.where(follows.any(1), follows.argmax(1), -1)
-    astray = np.flatnonzero(_astray(problem, path))
-    if len(astray) and _stuck(problem, path).mean() <= MOSTLY_LOST:
-        path = _begun_anew(problem, path, astray, problem.seen_start[astray])
+    chi2 = chi2_by_window(problem, path.state)
+    lost = np.flatnonzero(_astray(chi2))
+    if len(lost) and _stuck(problem, chi2).mean() <= MOSTLY_LOST:
+        path = _begun_anew(problem, path, lost, problem.seen_start[lost])
     for _ in range(HEIRS):
-        stuck, astray = _stuck(problem, path), _astray(problem, path)
+        chi2 = chi2_by_window(problem, path.state)
+        stuck, astray = _stuck(problem, chi2), _astray(chi2)
         heirs = np.flatnonzero((before >= 0) & ((stuck & ~stuck[before]) | (astray & ~astray[before])))
         if not len(heirs) or stuck.mean() > MOSTLY_LOST:
             break
@@ -193,14 +195,13 @@ def hand_on(problem: Problem, path: WindowPath) -> WindowPath:
     return path
 
 
-def _stuck(problem: Problem, path: WindowPath) -> np.ndarray:
-    """(W,) windows that leave more than an explanation that is about right would."""
-    return ~(chi2_by_window(problem, path.state) < STUCK * problem.windows.numbers_of_each)
+def _stuck(problem: Problem, chi2: Floats) -> np.ndarray:
+    """(W,) windows that leave more, by their ``chi2`` (W,), than an explanation that is about right would."""
+    return ~(chi2 < STUCK * problem.windows.numbers_of_each)
 
 
-def _astray(problem: Problem, path: WindowPath) -> np.ndarray:
+def _astray(chi2: Floats) -> np.ndarray:
     """(W,) windows that leave far more than others, whatever the explanation misses in all of them."""
-    chi2 = chi2_by_window(problem, path.state)
     return ~(chi2 < LOST_START * np.median(chi2))
 
 

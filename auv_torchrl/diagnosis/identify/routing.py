@@ -94,7 +94,7 @@ def propose_routing(problem: Problem, follow: WindowPath, around: Explanation) -
 
 
 def left_by_plugs(problem: Problem, follow: WindowPath) -> float:
-    """Chi-square that the likeliest plugs leave, of what thrusters that do nothing would leave; 1 where none are."""
+    """The likeliest plugs' chi-square, as a share of that of thrusters that do nothing; 1 where all are in place."""
     solved = _solve(problem, follow, follow.explanation)
     if solved is None:
         return 1.0
@@ -103,9 +103,7 @@ def left_by_plugs(problem: Problem, follow: WindowPath) -> float:
     return entries.chi2(best.departure) / entries.chi2(dead.departure)
 
 
-def _solve(
-    problem: Problem, follow: WindowPath, around: Explanation
-) -> tuple[Explanation, "_Entries", "Routing"] | None:
+def _solve(problem: Problem, follow: WindowPath, around: Explanation) -> tuple[Explanation, "_Entries", Routing] | None:
     """What ``around`` has beside plugs, chi-square by routing, and the likeliest one; None where plugs are in place."""
     mine = (thruster_swap.name, thruster_gain.name)
     rest = Explanation(tuple(term for term in around.terms if term.effect not in mine))

@@ -50,8 +50,8 @@ from auv_torchrl.diagnosis.verdict import (
 from auv_torchrl.flightlog import Finding, FlightLog, FlightLogError
 from auv_torchrl.vehicle import Vehicle
 
-# Of what is left without the other sensor, by the best explanation of all, or by thrusters that
-# do nothing: a false sensor outweighs faults, and exchanged plugs a false pose, of which plugs explain little.
+# Of what is left without the other sensor, by the best explanation of all, or by thrusters that do nothing: a false
+# sensor outweighs faults, and exchanged plugs outweigh a false pose, of which no plugs explain much.
 FAR_LESS = 0.1
 
 
@@ -128,26 +128,30 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         return logged
 
     def tell_of(suspect: Suspect, whole: bool = False) -> tuple[Finding, ...]:
-        stretches = suspect.stretches if whole else blamed(suspect.stretches)
+        """What is said of it; nothing where all flight clears it."""
+        confirmed = in_all_flight(suspect, log, found.problem, found.follow.explanation, given.settings)
+        if confirmed is None:
+            return ()
+        stretches = confirmed.stretches if whole else blamed(confirmed.stretches)
         return tell_other_source(stretches, len(log.episodes), whole)
 
     contradict: list[tuple[float, FlightLog, tuple[Finding, ...]]] = []
-    for one in find_other_source(found.problem, found.follow):
-        suspect = in_all_flight(one, log, found.problem, found.follow.explanation, given.settings)
-        if suspect is None:
-            continue
+    for suspect in find_other_source(found.problem, found.follow):
         if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
-            return _alone(logged, tell_of(suspect, whole=True))
+            if silent := tell_of(suspect, whole=True):
+                return _alone(logged, silent)
+            continue
         others = without(log, [Stillness(name) for name in suspect.channels])
         if others is None:  # what is left needs what is gone
             continue
         left = left_by(others, found.problem, given.settings)
         if left.is_nothing:
-            return _alone(logged, tell_of(suspect))
-        if given.is_guess:
+            if silent := tell_of(suspect):
+                return _alone(logged, silent)
+        elif given.is_guess:
             rest = _explained(others, suspect.contradicts, given, once)
-            if rest is not None:  # by a file that was corrected anew
-                return _beside(rest, logged, tell_of(suspect))
+            if rest is not None and (silent := tell_of(suspect)):  # by a file that was corrected anew
+                return _beside(rest, logged, silent)
         elif suspect.contradicts:
             contradict.append((left.excess, others, tell_contradiction(blamed(suspect.stretches), len(log.episodes))))
     return _beside_the_false_one(contradict, logged, found, once)
