@@ -11,11 +11,13 @@ from auv_torchrl.diagnosis.identify.search import Found
 from auv_torchrl.diagnosis.report import decision_table, report_page
 from auv_torchrl.diagnosis.verdict import Decision, Hypothesis, from_json, to_json
 from auv_torchrl.effects import EFFECTS
+from auv_torchrl.paths import PROJECT
 from auv_torchrl.sysid import Outcome
 from auv_torchrl.vehicle import load_vehicle
 from tests.hovering import ACTING
 
 PAPER = load_vehicle("paper")
+REFERENCE = PROJECT / "docs" / "reference" / "diagnosis-json.md"
 TRUTHS = {"a weak thruster": {"thruster_gain": {"gain_4": 0.55}}, "nothing": {}}
 
 
@@ -83,6 +85,14 @@ def test_what_tells_the_next_best_apart_is_said(answered):
         assert decision.next_best and decision.apart
     assert list(decision.apart.values()) == sorted(decision.apart.values(), reverse=True)
     assert 0 <= sum(decision.apart.values()) <= 1 + 1e-9
+
+
+def test_the_reference_tells_every_outcome():
+    """By the word that the file has for it."""
+    line = next(
+        line for line in REFERENCE.read_text(encoding="utf-8").splitlines() if "`decision.trace.outcome`" in line
+    )
+    assert [outcome.name.lower() for outcome in Outcome if f"`{outcome.name.lower()}`" not in line] == []
 
 
 def test_no_row_is_ahead_of_the_best_fit_where_it_was_taken_back():
