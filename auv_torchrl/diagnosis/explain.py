@@ -138,11 +138,13 @@ def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Pro
     if training.duration > 2 * PIECES * PIECE_S:  # a file that is off shows in a part, in a fraction of the time
         part = spread(training, PIECES, PIECE_S)
         short = search_both_attitudes(part, given.vehicle, (), single.settings, report).found
-        if not (is_explained(short) or is_unlike(short, given.settings)):
+        if not (is_explained(short) or is_unlike(short)):
             return None
     explained = explain(training, testing, single, Correction(given.vehicle), report)
     if not is_explained(explained.found):
-        return explained if is_unlike(explained.found, given.settings) else None
+        return explained if is_unlike(explained.found) else None
+    if not explained.found.best.explanation.effects:
+        return explained  # the file leaves noise, and noise corrects no file
     gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
     return explained if closes_everywhere(gap) else None
 

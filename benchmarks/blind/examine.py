@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from auv_torchrl.diagnosis import diagnose
+from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.verdict import to_json
 from auv_torchrl.flightlog import FlightLogError, read_flightlog
@@ -53,10 +54,13 @@ def examine_one(folder: Path, answers: Path, name: str) -> None:
     answer: dict[str, Any] = {}
     try:
         vehicle = load_vehicle(flown)
+        uncertainty = load_uncertainty(flown, vehicle) if manifest["settings"].get("is_guess") else ()
         flight_log = read_flightlog(log_path(folder, name), vehicle)
         healthy = [read_flightlog(log_path(folder, sound), vehicle) for sound in task["healthy"]]
         with threadpool_limits(1):
-            diagnosis = diagnose(flight_log, vehicle, healthy, vehicle_name=flown, settings=settings)
+            diagnosis = diagnose(
+                flight_log, vehicle, healthy, vehicle_name=flown, settings=settings, uncertainty=uncertainty
+            )
         answer["diagnosis"] = to_json(diagnosis)
     except FlightLogError as error:
         answer["refused"] = str(error)

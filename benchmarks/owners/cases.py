@@ -1,4 +1,4 @@
-"""Which cases are flown: five families, each with an exact file, one within slack, and one that is wrong by 30 %."""
+"""Which cases are flown: six families, each with an exact file, one within slack, and one that is wrong by 30 %."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,14 +12,14 @@ from benchmarks.blind.flights.strangers import healthy_flights
 from benchmarks.owners.still import kinds
 
 HEALTHY = 2  # flights that go with a file that is wrong
-THRUSTER, WIRING, SENSOR, LOOSE, ELSE = "thruster", "wiring", "sensor", "comes and goes", "outside"
-MEMBERS = {  # what is drawn in each family but that of sensors
+SOUND, THRUSTER, WIRING, SENSOR, LOOSE, ELSE = "sound", "thruster", "wiring", "sensor", "comes and goes", "outside"
+MEMBERS = {  # what is drawn in each family but that of sensors and the sound vehicle
     THRUSTER: ("one_way", "creeping", "stalling"),
     WIRING: ("replugged",),
     LOOSE: ("comes_and_goes",),
     ELSE: ("stuck", "sticking", "wandering"),
 }
-FAMILIES = (THRUSTER, WIRING, SENSOR, LOOSE, ELSE)
+FAMILIES = (SOUND, THRUSTER, WIRING, SENSOR, LOOSE, ELSE)
 FILES = ("exact", "slack", "wrong")  # the file of the vehicle
 
 
@@ -43,8 +43,7 @@ def draw_owner_cases(sensors: str, cases: int, seed: int) -> list[Case]:
     common = Case(0, "", axes=sensor_set(sensors).axes, sensors=sensors)
     plants, drawn = cycle(("mujoco", "foreign")), []
     for number, (family, file) in zip(range(1, cases + 1), turns, strict=False):
-        name = next(names[family])
-        what = {"damage": name} if family == SENSOR else {"outside": name}
+        what = {} if family == SOUND else {"damage" if family == SENSOR else "outside": next(names[family])}
         if file == "wrong":
             drawn.append(replace(common, number=number, family=family, stranger=2 * number + 1, **what))
         else:

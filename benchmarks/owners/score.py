@@ -9,10 +9,11 @@ from auv_torchrl.effects.effect import Origin
 from auv_torchrl.vehicle import Vehicle
 from benchmarks.blind.scores.table import Share, Table, counted, median, median_and_largest, targets
 from benchmarks.blind.scores.thrusters import declared_groups, exchangeable
-from benchmarks.owners.cases import ELSE, FAMILIES, FILES, LOOSE, SENSOR, THRUSTER, WIRING, file_of
+from benchmarks.owners.cases import ELSE, FAMILIES, FILES, LOOSE, SENSOR, SOUND, THRUSTER, WIRING, file_of
 from benchmarks.scoring import LIKELY
 
 MUST = {  # family: what is right, must, aim
+    SOUND: ("a sound vehicle: nothing is called faulty, and nothing unknown acts", "≥ 95 %", "≥ 98 %"),
     THRUSTER: ("one-way, creeping, stalling thruster: named, and nothing sound beside it", "≥ 90 %", "≥ 97 %"),
     WIRING: ("any signed permutation of the plugs: exact", "≥ 95 %", "≥ 99 %"),
     SENSOR: ("sensors that do not answer: named or declared", "≥ 90 %", "≥ 97 %"),
@@ -53,7 +54,7 @@ def score_owner(name: str, label: Mapping[str, Any], answer: Mapping[str, Any], 
     return Outcome(
         case=name,
         family=label["family"],
-        kind=label["outside"] or label["damage"],
+        kind=label["outside"] or label["damage"] or SOUND,
         file=file_of(label["stranger"], label["slack"]),
         right=_RIGHT[label["family"]](label, diagnosis, claims, vehicle),
         blamed=bool(faults),
@@ -136,9 +137,16 @@ def _is_silence_told(
     return told or any(_is_of_a_sensor(effect["name"]) for effect in claims)
 
 
+def _is_sound(
+    label: Mapping[str, Any], diagnosis: Mapping[str, Any], claims: Sequence[Mapping[str, Any]], vehicle: Vehicle
+) -> bool:
+    """Whether the vehicle is called sound, or nothing but the file is said to be off, which explains all."""
+    return diagnosis["verdict"] in ("no_gap", "explained") and all(effect["calibrates"] for effect in claims)
+
+
 _RIGHT = {
-    THRUSTER: _names_the_thruster, WIRING: _is_exact_wiring, SENSOR: _is_silence_told, LOOSE: _is_told_at_the_thruster,
-    ELSE: _is_located,
+    SOUND: _is_sound, THRUSTER: _names_the_thruster, WIRING: _is_exact_wiring, SENSOR: _is_silence_told,
+    LOOSE: _is_told_at_the_thruster, ELSE: _is_located,
 }  # fmt: skip
 
 

@@ -16,7 +16,18 @@ from benchmarks.blind.flights.sensor_sets import SENSOR_SETS
 from benchmarks.blind.seal import log_path, open_labels, read_manifest, seal
 from benchmarks.owners import __main__ as owners
 from benchmarks.owners.acts import ACTS, OneThruster, OneWay, Replugged
-from benchmarks.owners.cases import ELSE, FAMILIES, FILES, LOOSE, SENSOR, THRUSTER, WIRING, draw_owner_cases, file_of
+from benchmarks.owners.cases import (
+    ELSE,
+    FAMILIES,
+    FILES,
+    LOOSE,
+    SENSOR,
+    SOUND,
+    THRUSTER,
+    WIRING,
+    draw_owner_cases,
+    file_of,
+)
 from benchmarks.owners.score import owner_tables, score_owner
 from benchmarks.owners.still import kinds
 
@@ -45,9 +56,9 @@ def label(family, **more):
 
 @pytest.mark.parametrize("sensors", SENSOR_SETS)
 def test_families_and_files_take_turns(sensors):
-    """Thirty cases have each family with each file twice, the same ones for a seed; a wrong file has two flights."""
-    cases = draw_owner_cases(sensors, 30, 4)
-    assert cases == draw_owner_cases(sensors, 30, 4)
+    """Of 36 cases, two are of each family and file, the same ones for a seed; a wrong file has two flights."""
+    cases = draw_owner_cases(sensors, 36, 4)
+    assert cases == draw_owner_cases(sensors, 36, 4)
     asked = [case for case in cases if case.family != HEALTHY]
     turns = Counter((case.family, file_of(case.stranger, case.slack)) for case in asked)
     assert turns == {(family, file): 2 for family in FAMILIES for file in FILES}
@@ -89,7 +100,7 @@ def columns():
     """The columns of two sealed cases by sensors: what was flown and measured."""
     found = {}
     for sensors in SENSOR_SETS:
-        (one,) = [case for case in draw_owner_cases(sensors, 3, 2) if case.family == SENSOR]
+        (one,) = [case for case in draw_owner_cases(sensors, 4, 2) if case.family == SENSOR]
         ((log, _),) = fly([replace(one, episodes=2, episode_s=10.0)], VEHICLE, 2, ACTS)
         found[sensors] = raw_columns(log)
     return found
@@ -106,8 +117,8 @@ def test_channels_that_do_not_follow_are_false_and_no_others(columns, sensors, n
 
 def test_a_sealed_folder_says_what_was_drawn_and_hands_over_no_truth(tmp_path):
     """The labels have thruster and share; the tasks have the healthy flights of a wrong file, and nothing else."""
-    drawn = draw_owner_cases("mocap", 15, 1)
-    few = [case for case in drawn if case.family != HEALTHY][10:12]
+    drawn = draw_owner_cases("mocap", 18, 1)
+    few = [case for case in drawn if case.family != HEALTHY][13:15]
     mine = [case for case in drawn if case.family == HEALTHY and case.stranger in {one.stranger for one in few}]
     short = [replace(case, episodes=2, episode_s=10.0) for case in (*few, *mine)]
     seal(tmp_path, {"sensors": "mocap"}, fly(short, VEHICLE, 1, ACTS), kinds("mocap"))
@@ -126,6 +137,10 @@ def test_a_sealed_folder_says_what_was_drawn_and_hands_over_no_truth(tmp_path):
         (label(THRUSTER), answer(effect("reverse_gain", [3]), effect("thruster_gain", [5], 0.4)), True),
         (label(THRUSTER), answer(effect("reverse_gain", [3]), effect("linear_drag", calibrates=True)), True),
         (label(THRUSTER), answer(verdict="no_gap"), False),
+        (label(SOUND), answer(verdict="no_gap"), True),
+        (label(SOUND), answer(effect("hull", calibrates=True)), True),
+        (label(SOUND), answer(effect("hull", calibrates=True), verdict="partly_explained"), False),
+        (label(SOUND), answer(effect("reverse_gain", [3])), False),
         (label(LOOSE), answer(effect("thruster_gain", [3])), True),
         (label(ELSE), answer(verdict="unexplained", thruster={"3": 0.7, "1": 0.2}), True),
         (label(ELSE), answer(verdict="unexplained", thruster={"3": 0.1, "1": 0.2}), False),

@@ -23,6 +23,7 @@ from auv_torchrl.diagnosis.calibrate.correction import (
 )
 from auv_torchrl.diagnosis.calibrate.output_error import CoefficientFit, used_channels
 from auv_torchrl.diagnosis.calibrate.parameters import load_uncertainty, read_uncertainty, shared_covariance
+from auv_torchrl.diagnosis.explain import Given, one_cause
 from auv_torchrl.diagnosis.identify.explanation import Explanation, Term
 from auv_torchrl.diagnosis.identify.fit import fit_by_simulation
 from auv_torchrl.diagnosis.identify.hypotheses import apply_values, load_settings
@@ -127,6 +128,14 @@ def test_coefficients_that_are_right_stand():
     assert calibrated.vehicle is GIVEN
     assert not calibrated.effects
     assert [finding.code for finding in calibrated.findings] == ["coefficients_stand"]
+
+
+def test_a_file_that_leaves_noise_is_right_whatever_another_flight_shows():
+    """Of a sound flight no cause is wanted, though the flight that is held out is of a vehicle with other drag."""
+    given = Given(GIVEN, (), SETTINGS, UNCERTAIN, None)
+    sound, other = fly(GIVEN, {}, seed=4, **SHORT), fly(GIVEN, TRUTH, seed=9, episodes=2, seconds=20.0)
+    explained = one_cause(sound, other, given, lambda step, share: None)
+    assert explained is not None and not explained.found.best.explanation.effects
 
 
 def test_thrusters_are_off_together_more_likely_than_apart():

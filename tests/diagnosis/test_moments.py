@@ -62,10 +62,10 @@ def test_no_sound_thruster_is_blamed_beside_one_that_pushes_otherwise(act):
     assert any(one.outcome in (Outcome.CHANGING, Outcome.OUTDONE) for one in diagnosis.decision.trace)
 
 
-@pytest.mark.thorough
-def test_a_loose_plug_is_told_before_a_file_that_is_off():
+@pytest.mark.parametrize(("number", "slack"), [(1, 0.03), pytest.param(4, 0.0, marks=pytest.mark.thorough)])
+def test_a_loose_plug_is_told_before_a_file_that_is_off(number, slack):
     """As an owner asks, with a file that says it is a guess: none of its coefficients takes up a part of the fault."""
-    log, label = flown("comes_and_goes", number=4)
+    log, label = flown("comes_and_goes", number=number, slack=slack)
     diagnosis = diagnose(log, HEAVY, uncertainty=load_uncertainty("bluerov2_heavy", HEAVY))
     assert not diagnosis.effects and diagnosis.where.intermittence is not None
     assert diagnosis.where.intermittence.thruster == label["drawn"]["thruster"]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_torchrl.diagnosis.identify.explanation import Explanation
-from auv_torchrl.diagnosis.identify.hypotheses import Settings, Values, batch
+from auv_torchrl.diagnosis.identify.hypotheses import Values, batch
 from auv_torchrl.diagnosis.identify.paths import WindowPath
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.identify.search import Found, Unknown, outdoes
@@ -199,10 +199,10 @@ def unless_unlike(found: Found) -> Found | None:
     return replace(found, best=found.none, trace=found.trace.instead((), Outcome.CHANGING))
 
 
-def is_unlike(found: Found, settings: Settings) -> bool:
-    """Whether such a thruster leaves nothing of a log, and is likelier than all effects."""
+def is_unlike(found: Found) -> bool:
+    """Whether such a thruster leaves too little for any other cause, and is likelier than all effects."""
     unlike = _likelier(found)
-    return unlike is not None and unlike.excess < settings.excess
+    return unlike is not None and unlike.explains
 
 
 def _likelier(found: Found) -> Unlike | None:
