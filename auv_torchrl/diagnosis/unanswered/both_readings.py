@@ -15,6 +15,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.routing import left_by_plugs
 from auv_torchrl.diagnosis.identify.search import Found
+from auv_torchrl.diagnosis.localize.unlike import is_unlike
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.held import beside, find_held
 from auv_torchrl.diagnosis.unanswered.other_source import (
@@ -148,7 +149,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         if left.is_nothing:
             if silent := tell_of(suspect):
                 return _alone(logged, silent)
-        elif given.is_guess:
+        elif given.is_guess and not is_unlike(found):  # one thruster that explains all needs no other file
             rest = _explained(others, suspect.contradicts, given, once)
             if rest is not None and (silent := tell_of(suspect)):  # by a file that was corrected anew
                 return _beside(rest, logged, silent)
