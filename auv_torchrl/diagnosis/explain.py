@@ -10,9 +10,15 @@ from auv_torchrl.diagnosis.calibrate.vehicle_file import StoredCalibration
 from auv_torchrl.diagnosis.doubt import closes_everywhere
 from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.search import Found, Progress
-from auv_torchrl.diagnosis.lengths import spread
 from auv_torchrl.diagnosis.localize.unlike import is_unlike, unless_unlike
-from auv_torchrl.diagnosis.log_search import Calibrated, LogSearch, is_explained, search_both_attitudes
+from auv_torchrl.diagnosis.log_search import (
+    Calibrated,
+    LogSearch,
+    is_explained,
+    is_long,
+    search_both_attitudes,
+    search_pieces,
+)
 from auv_torchrl.diagnosis.validate.predict import (
     Predictions,
     closed_share,
@@ -25,8 +31,6 @@ from auv_torchrl.diagnosis.validate.veto import calibration_vetoed, only, take_b
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.flightlog import Finding, FlightLog
 from auv_torchrl.vehicle import Vehicle
-
-PIECES, PIECE_S = 4, 8.0  # of a log, and s: what must be explained before it is asked whether all is
 
 
 @dataclass(frozen=True)
@@ -115,17 +119,12 @@ def explain(
 def is_explained_in_part(log: FlightLog, given: Given, may_be_faulty: bool) -> bool:
     """Whether some pieces of a log are explained with its file corrected on all of it, by effects if it may be faulty.
 
-    What leaves much of a few pieces leaves much of the log, and shows so in a fraction of the time.
-
     Raises:
         FlightLogError: if the pieces are too short for the settings.
     """
     corrected = correct_file(log, given.vehicle, given.uncertainty, given.settings)
     settings = corrected.settings(given.settings if may_be_faulty else replace(given.settings, most_effects=0))
-    pieces = spread(log, PIECES, PIECE_S)
-    searched = search_both_attitudes(
-        pieces, corrected.vehicle, (), settings, lambda step, share: None, left=corrected.prior
-    )
+    searched = search_pieces(log, corrected.vehicle, settings, lambda step, share: None, corrected.prior)
     return is_explained(searched.found)
 
 
@@ -135,9 +134,8 @@ def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Pro
     A file that is off in many coefficients takes up a part of any fault, and no single cause explains what it does.
     """
     single = replace(given, settings=replace(given.settings, most_effects=1))
-    if training.duration > 2 * PIECES * PIECE_S:  # a file that is off shows in a part, in a fraction of the time
-        part = spread(training, PIECES, PIECE_S)
-        short = search_both_attitudes(part, given.vehicle, (), single.settings, report).found
+    if is_long(training):
+        short = search_pieces(training, given.vehicle, single.settings, report).found
         if not (is_explained(short) or is_unlike(short)):
             return None
     explained = explain(training, testing, single, Correction(given.vehicle), report)

@@ -20,6 +20,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings
 from auv_torchrl.diagnosis.identify.paths import Fit, log_likelihood
 from auv_torchrl.diagnosis.identify.problem import HealthyPrior, Problem
 from auv_torchrl.diagnosis.identify.search import Found, Progress, search
+from auv_torchrl.diagnosis.lengths import spread
 from auv_torchrl.diagnosis.localize.unlike import evidence_of_unlike
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.diagnosis.motion.windows import Floats
@@ -30,6 +31,7 @@ from auv_torchrl.vehicle import Vehicle
 
 SIMPLE = 2  # values that explain a log wholly with a level vehicle: tilts, which bend everything, then play no part
 FOLLOWED_AGAIN = 0.75  # share of the work that is done when a log is followed along what was found
+PIECES, PIECE_S = 4, 8.0  # of a log, and s: what must be explained before it is asked whether all is
 HINTS = 2  # explanations of a level vehicle that are tried on one that may tilt, the best one first
 
 
@@ -162,6 +164,22 @@ def search_both_attitudes(
     return replace(better, attitude=(attitude_finding(odds > 0, abs(odds)),))
 
 
+def search_pieces(
+    log: FlightLog, vehicle: Vehicle, settings: Settings, report: Progress, left: HealthyPrior | None = None
+) -> LogSearch:
+    """Explain some pieces of a log: what leaves much of them leaves much of it, and shows so in a fraction of the time.
+
+    Raises:
+        FlightLogError: if the pieces are too short for the settings.
+    """
+    return search_both_attitudes(spread(log, PIECES, PIECE_S), vehicle, (), settings, report, left=left)
+
+
+def is_long(log: FlightLog) -> bool:
+    """Whether to explain some pieces of a log first takes a fraction of the time."""
+    return log.duration > 2 * PIECES * PIECE_S
+
+
 def _calibrate(
     healthy: Sequence[FlightLog],
     vehicle: Vehicle,
@@ -188,7 +206,10 @@ def _fault_of(
     Many coefficients that are off, or something unknown, are what calibration and floor are for. A few effects that
     explain all of it are a fault that was there already.
     """
-    found = search_both_attitudes(join(healthy), vehicle, (), settings, report).found
+    log = join(healthy)
+    if is_long(log) and not is_explained(search_pieces(log, vehicle, settings, report).found):
+        return None
+    found = search_both_attitudes(log, vehicle, (), settings, report).found
     return found.best.explanation if judge(found) is Verdict.EXPLAINED else None
 
 
