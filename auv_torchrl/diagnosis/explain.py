@@ -131,13 +131,16 @@ def is_explained_in_part(log: FlightLog, given: Given, may_be_faulty: bool) -> b
 def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Progress) -> Explained | None:
     """One effect, none, or one thruster that explains a log with the file as it is; None where nothing does.
 
-    A file that is off in many coefficients takes up a part of any fault, and no single cause explains what it does.
+    A file that is off in many coefficients takes up a part of any fault, and no single cause explains what it does. An
+    effect that does not explain pieces of a log does not explain all of it; a thruster that is sound for a while may.
     """
-    single = replace(given, settings=replace(given.settings, most_effects=1))
-    if is_long(training):
-        short = search_pieces(training, given.vehicle, single.settings, report).found
-        if not (is_explained(short) or is_unlike(short)):
-            return None
+    none, one = (replace(given.settings, most_effects=number) for number in (0, 1))
+    if is_long(training) and not (
+        _may_explain(search_pieces(training, given.vehicle, one, report))
+        or _may_explain(search_both_attitudes(training, given.vehicle, (), none, report))
+    ):
+        return None
+    single = replace(given, settings=one)
     explained = explain(training, testing, single, Correction(given.vehicle), report)
     if not is_explained(explained.found):
         return explained if is_unlike(explained.found) else None
@@ -145,6 +148,11 @@ def one_cause(training: FlightLog, testing: FlightLog, given: Given, report: Pro
         return explained  # the file leaves noise, and noise corrects no file
     gap = measure_gap(explained.predictions, (), closed_share(explained.predictions))
     return explained if closes_everywhere(gap) else None
+
+
+def _may_explain(searched: LogSearch) -> bool:
+    """Whether one cause explains what was searched."""
+    return is_explained(searched.found) or is_unlike(searched.found)
 
 
 def rests_on(searched: LogSearch) -> tuple[Finding, ...]:

@@ -10,6 +10,8 @@ from auv_torchrl.diagnosis.identify.following import follow_windows
 from auv_torchrl.diagnosis.identify.hypotheses import load_settings
 from auv_torchrl.diagnosis.identify.problem import Problem
 from auv_torchrl.diagnosis.localize.moments import changing_thruster
+from auv_torchrl.diagnosis.localize.unlike import left_at_best
+from auv_torchrl.diagnosis.log_search import search_both_attitudes
 from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.effects.effect import changed
 from auv_torchrl.sysid.trace import Outcome
@@ -69,6 +71,14 @@ def test_a_loose_plug_is_told_before_a_file_that_is_off(number, slack):
     diagnosis = diagnose(log, HEAVY, uncertainty=load_uncertainty("bluerov2_heavy", HEAVY))
     assert not diagnosis.effects and diagnosis.where.intermittence is not None
     assert diagnosis.where.intermittence.thruster == label["drawn"]["thruster"]
+
+
+@pytest.mark.parametrize(("act", "far_less"), [("comes_and_goes", True), (None, False)])
+def test_what_one_thruster_leaves_is_what_sensors_are_held_against(act, far_less):
+    """A sensor contradicts others only where without it far less is left than one thruster leaves, if one explains."""
+    settings = replace(SETTINGS, most_effects=0)
+    found = search_both_attitudes(flown(act)[0], HEAVY, (), settings, lambda step, share: None).found
+    assert (left_at_best(found) < 0.1 * found.excess) == far_less
 
 
 @pytest.mark.slow

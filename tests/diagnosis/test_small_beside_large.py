@@ -14,8 +14,8 @@ from auv_torchrl.diagnosis.motion.cut import cut_windows
 from auv_torchrl.vehicle import load_vehicle
 from benchmarks.blind.flights.cases import Case
 from benchmarks.blind.flights.fly import fly as sealed_flights
+from benchmarks.blind.flights.sensor_sets import sensor_set
 from benchmarks.owners.acts import ACTS
-from benchmarks.owners.cases import draw_owner_cases
 
 PAPER = load_vehicle("paper")
 HELD = hold(PAPER)
@@ -98,7 +98,8 @@ def test_no_window_is_lost_where_an_explanation_is_weighed_again(monkeypatch):
 @pytest.mark.thorough
 def test_nothing_small_is_named_of_sound_thrusters_beside_one_that_creeps():
     """Chi-square is rough where commands leave a dead band: neutrals of sound thrusters settle on its dents."""
-    heavy, (creeping, *_) = load_vehicle("bluerov2_heavy"), draw_owner_cases("stock", 15, 100)
+    heavy, axes = load_vehicle("bluerov2_heavy"), sensor_set("stock").axes
+    creeping = Case(1, "thruster", outside="creeping", sensors="stock", axes=axes)
     ((log, label),) = sealed_flights([creeping], heavy, 100, ACTS)
     (effect,) = diagnose(as_read(log, heavy), heavy).effects
     assert effect.name == "neutral_offset" and set(effect.parameters) == {f"offset_{label['drawn']['thruster']}"}

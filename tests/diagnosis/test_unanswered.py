@@ -366,9 +366,12 @@ def test_a_false_heading_is_told_although_the_rest_has_no_explanation():
 
 
 @pytest.mark.thorough
-def test_a_replayed_pose_is_told_before_any_fault():
-    """Nothing that was measured is of this dive, and nothing is said of the thrusters."""
-    diagnosis = diagnose(of_another_dive(POSE, 4), load_vehicle("bluerov2_heavy"))
+@pytest.mark.parametrize("is_guess", [False, True])
+def test_a_replayed_pose_is_told_before_any_fault(is_guess):
+    """Nothing that was measured is of this dive, and nothing is said of the thrusters; or of a file that is a guess."""
+    heavy = load_vehicle("bluerov2_heavy")
+    uncertainty = load_uncertainty("bluerov2_heavy", heavy) if is_guess else ()
+    diagnosis = diagnose(of_another_dive(POSE, 4), heavy, uncertainty=uncertainty)
     assert [set(columns) for columns in told(diagnosis)] == [set(POSE)] and not likely(diagnosis)
     assert diagnosis.verdict is Verdict.CANNOT_TELL and "nothing of what the thrusters should do" in diagnosis.summary
 

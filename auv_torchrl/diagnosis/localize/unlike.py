@@ -205,6 +205,12 @@ def is_unlike(found: Found) -> bool:
     return unlike is not None and unlike.explains
 
 
+def left_at_best(found: Found) -> float:
+    """Chi-square per number that effects leave, or such a thruster where :func:`is_unlike` says that it explains."""
+    unlike = _likelier(found)
+    return unlike.excess if unlike is not None and unlike.explains else found.excess
+
+
 def _likelier(found: Found) -> Unlike | None:
     """Such a thruster, where it closes as much more of what effects leave as one more effect had to."""
     unlike = unlike_thruster(found.problem, found.follow)

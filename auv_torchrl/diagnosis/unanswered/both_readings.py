@@ -15,7 +15,7 @@ from auv_torchrl.diagnosis.identify.hypotheses import Settings, apply_values
 from auv_torchrl.diagnosis.identify.posterior import UNKNOWN
 from auv_torchrl.diagnosis.identify.routing import left_by_plugs
 from auv_torchrl.diagnosis.identify.search import Found
-from auv_torchrl.diagnosis.localize.unlike import is_unlike
+from auv_torchrl.diagnosis.localize.unlike import is_unlike, left_at_best
 from auv_torchrl.diagnosis.log_search import is_explained
 from auv_torchrl.diagnosis.unanswered.held import beside, find_held
 from auv_torchrl.diagnosis.unanswered.other_source import (
@@ -123,8 +123,12 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
     """The diagnosis of a log; where nothing explains it, and all would fit but for one source, that is said first.
 
     Of two sensors that contradict each other one is false: that without which far less is left. All others may show a
-    fault. A file that is a guess tells nothing of how much should be left.
+    fault. A file that is a guess tells nothing of how much should be left. Coefficients that were corrected take up a
+    part of whatever is false: where they are no fact, channels are held against the file as it is.
     """
+    if logged.verdict is Verdict.PARTLY_EXPLAINED and any(effect.calibrates for effect in logged.effects):
+        given = replace(given, uncertainty=())
+        _, found = once(log, 0.8, 0.9, replace(given, settings=replace(given.settings, most_effects=0)))
     if is_explained(found):  # as where the frame of the log is in doubt
         return logged
 
@@ -166,11 +170,12 @@ def _beside_the_false_one(
 ) -> Diagnosis:
     """What all others show beside the one of contradicting sensors without which far less is left, if one is so.
 
-    They contradict each other whatever acts on the vehicle, so that all others may show something unknown, too.
-    ``contradict`` has for each sensor what is left without it, the log of all others, and what is said of it.
+    They contradict each other whatever acts on the vehicle, so that all others may show something unknown, too. What
+    one thruster makes all of them show is no contradiction. ``contradict`` has for each sensor what is left without it,
+    the log of all others, and what is said of it.
     """
     ranked = sorted(contradict, key=lambda one: one[0])
-    lefts = [*(excess for excess, *_ in ranked), found.excess]
+    lefts = [*(excess for excess, *_ in ranked), left_at_best(found)]
     if not ranked or lefts[0] > FAR_LESS * min(lefts[1:]):
         return logged
     _, others, silent = ranked[0]
