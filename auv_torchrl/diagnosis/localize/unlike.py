@@ -201,14 +201,18 @@ def unless_unlike(found: Found) -> Found | None:
 
 def is_unlike(found: Found) -> bool:
     """Whether such a thruster leaves too little for any other cause, and is likelier than all effects."""
-    unlike = _likelier(found)
-    return unlike is not None and unlike.explains
+    return _explaining(found) is not None
 
 
 def left_at_best(found: Found) -> float:
-    """Chi-square per number that effects leave, or such a thruster where :func:`is_unlike` says that it explains."""
+    """Chi-square per number that such a thruster leaves where it explains a log, and else what effects leave."""
+    return (_explaining(found) or found).excess
+
+
+def _explaining(found: Found) -> Unlike | None:
+    """Such a thruster, where it is likelier than all effects and leaves too little for any other cause."""
     unlike = _likelier(found)
-    return unlike.excess if unlike is not None and unlike.explains else found.excess
+    return unlike if unlike is not None and unlike.explains else None
 
 
 def _likelier(found: Found) -> Unlike | None:

@@ -140,6 +140,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         stretches = confirmed.stretches if whole else blamed(confirmed.stretches)
         return tell_other_source(stretches, len(log.episodes), whole)
 
+    may_correct = given.is_guess and not is_unlike(found)  # one thruster that explains all needs no other file
     contradict: list[tuple[float, FlightLog, tuple[Finding, ...]]] = []
     for suspect in find_other_source(found.problem, found.follow):
         if set(suspect.channels) >= set(log.axes) and not follows_otherwise(found):
@@ -153,7 +154,7 @@ def _unless_of_another_source(log: FlightLog, given: Given, logged: Diagnosis, f
         if left.is_nothing:
             if silent := tell_of(suspect):
                 return _alone(logged, silent)
-        elif given.is_guess and not is_unlike(found):  # one thruster that explains all needs no other file
+        elif may_correct:
             rest = _explained(others, suspect.contradicts, given, once)
             if rest is not None and (silent := tell_of(suspect)):  # by a file that was corrected anew
                 return _beside(rest, logged, silent)
